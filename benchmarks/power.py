@@ -24,15 +24,10 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from glider.physics.parameter_space import OF_VEHICLE
+from glider.physics.parameter_space import OF_VEHICLE, ParameterSpace
 from glider.sysid.constants import RIVAL_GAP
 from glider.sysid.likelihood.candidates import tamed
-from glider.sysid.likelihood.directions import (
-    Direction,
-    nearest_start,
-    slopes,
-    starts_of,
-)
+from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import grams_of, linear_flights
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
@@ -230,12 +225,23 @@ def _candidates(task: Task, model: FitResult) -> tuple[list[Direction], list[boo
             starts = starts_of(space, kind, model.theta)
             defaults = model.theta.copy()
             defaults[slots] = [c.default for c in kind.coefficients]
-            usual = nearest_start(space, starts, defaults)
+            usual = _nearest_start(space, starts, defaults)
         for k, columns in enumerate(starts):
             mine = [d for d in columns if d.slot in allowed]
             found += mine
             is_usual += [k == usual] * len(mine)
     return found, is_usual
+
+
+def _nearest_start(
+    space: ParameterSpace, starts: Sequence[Sequence[Direction]], theta: np.ndarray
+) -> int:
+    """Index of the start whose shapes are nearest to those of theta."""
+    apart = [
+        sum(abs(v - theta[i]) / space.scale[i] for i, v in columns[0].shapes)
+        for columns in starts
+    ]
+    return int(np.argmin(apart))
 
 
 class _Oracle:

@@ -106,9 +106,8 @@ def run(
     hidden = GliderModel(effects=(RIVALS[effect],))
     campaign = CampaignPlan(flights=GIVEN).simulate(hidden, rng)
     # What an analysis of these flights would find: a late servo, of either kind.
-    first, _ = RIVALS
     findings = throws.Findings(
-        model=GliderModel(effects=(RIVALS[first],)), kinds=(first,)
+        models=tuple(GliderModel(effects=(rival,)) for rival in RIVALS.values())
     )
     probabilities: list[dict[str, float]] = []
     proposals: list[throws.Proposal] = []

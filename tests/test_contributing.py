@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.text import Text
 
 from diagrams.programs import program
 from glider.compiled.user_effects import check_user_effects
 from glider.physics.model import GliderModel
-from glider.report.plots.as_file import draw
+from glider.report.as_page import page_data
 from glider.simulation.fly import fly
 from held_policy import HeldPolicy
 from ilqr import goal_problem
@@ -193,9 +192,14 @@ def test_the_figure_of_the_recipe_is_drawn():
     pose = np.array([[-3.5, 0.1, 0.0], [-3.4, 0.2, 0.0]])
     flight = types.SimpleNamespace(time=np.array([0.0, 0.1]), measured=pose)
     specified = names["held_out_height"](types.SimpleNamespace(held_out=[flight]))
-    texts = {text.get_text() for text in draw(specified).findobj(Text)}
-    assert {"height", "time [s]", "z [m]", "measured"} <= texts
-    [line] = specified.panels[0].marks
+    [panel] = specified.panels
+    assert page_data({"height": specified})["figures"]["height"]["panels"]
+    assert (panel.title, panel.x.label, panel.y.label) == (
+        "height",
+        "time [s]",
+        "z [m]",
+    )
+    [line] = panel.marks
     assert list(line.y) == [0.1, 0.2]
     assert names["held_out_height"](types.SimpleNamespace(held_out=[])) is None
 

@@ -3,10 +3,10 @@
 import dataclasses
 from pathlib import Path
 
+from figure_file import to_png
 from sphinx.application import Sphinx
 
 from glider.report.flight_figures import flight_panels, shown_flights
-from glider.report.plots.as_file import to_png
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
 from glider.sysid.pipeline import close_the_loop
@@ -30,13 +30,13 @@ def make_front() -> Figure:
             )
             for panel in panels
         ],
-        columns=len(panels),
     )
 
 
 def write_figure(app: Sphinx) -> None:
     """Writes the figure beside the front page."""
-    (Path(app.srcdir) / "loop.png").write_bytes(to_png(make_front(), dpi=150))
+    figure = make_front()
+    (Path(app.srcdir) / "loop.png").write_bytes(to_png(figure, dpi=150, columns=4))
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

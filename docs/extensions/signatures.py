@@ -4,13 +4,13 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
+from figure_file import to_png
 
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import signs_of, turn_campaign
 from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
 from glider.physics.model import GliderModel
 from glider.report.model_figures import RESIDUALS, residual_panel
-from glider.report.plots.as_file import to_png
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
 from glider.simulation.campaigns import CampaignPlan
@@ -110,4 +110,4 @@ def draw(signature: Signature) -> bytes:
             for column in range(len(RESIDUALS))
         ],
     )
-    return to_png(figure, dpi=100, width=648.0)
+    return to_png(figure, dpi=100)

@@ -33,7 +33,7 @@ exit code: 0 when it ran, 2 when the input cannot be used or a file cannot be wr
 def add_arguments(parser: CommandParser) -> None:
     """Adds its arguments to a parser."""
     parser.add_campaign()
-    files = "report.json, report.html, model.yaml, rivals/ and figures/"
+    files = "report.json, report.html, model.yaml and rivals/"
     parser.add_out(files, "out/CAMPAIGN")
     which = parser.add_mutually_exclusive_group()
     which.add_argument(

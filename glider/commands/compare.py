@@ -29,12 +29,16 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
-    from glider.comparison import compare, load_report, print_comparison, to_json
+    from glider.comparison import compare, print_comparison
+    from glider.files.schema import json_text
+    from glider.sysid.result import read_report
 
-    comparison = compare(load_report(args.first), load_report(args.second))
+    first, _ = read_report(args.first)
+    second, _ = read_report(args.second)
+    comparison = compare(first, second)
     if args.json:
-        print(to_json(comparison))
+        print(json_text(comparison))
     else:
         with output() as console:
-            print_comparison(comparison, console)
+            print_comparison(comparison, first, second, console)
     return 0

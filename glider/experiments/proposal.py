@@ -135,7 +135,7 @@ def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, N
     found = campaign.elevator
     what = f"{campaign.path}: its elevator"
     expect(found == "servo", what, found, "a servo that can be commanded")
-    if not signs_of(findings.model).are_right:
+    if not signs_of(findings.models[0]).are_right:
         raise InputError(
             f"{campaign.path}: an angle is logged with the wrong sign (angle_sign); "
             "expected logs with the right signs before commands are sent."

@@ -32,7 +32,7 @@ _DRAWN = 48
 _ELITES = 8
 """Throws that the next round is drawn about."""
 
-ROUNDS = 4
+_ROUNDS = 4
 """Rounds of drawing throws."""
 
 _SEARCHED = 3
@@ -118,9 +118,9 @@ def search(
     grams: list[Grams] = []
     alone: list[float] = []
     chosen: list[int] = []
-    for round_ in range(ROUNDS):
-        words = f"searching for throws, round {round_ + 1} of {ROUNDS}"
-        progress(Step(words, round_ / ROUNDS))
+    for round_ in range(_ROUNDS):
+        words = f"searching for throws, round {round_ + 1} of {_ROUNDS}"
+        progress(Step(words, round_ / _ROUNDS))
         if chosen:
             spread = _SPREAD * 0.5 ** (round_ - 1)
             elites = [*chosen, *np.argsort(alone)[:_ELITES]]

@@ -14,7 +14,6 @@ from glider.physics.effects import ANGLE_SIGN
 from glider.physics.model import Origin, model_text
 from glider.report import error_table, flight_figures, model_figures, numbers, wording
 from glider.report.as_page import render_page
-from glider.report.plots.as_file import to_png
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
 from glider.sysid.result import Alternative, Result
@@ -25,11 +24,11 @@ FIGURES: dict[str, Callable[[Result], Figure | None]] = {
     "held_out": flight_figures.held_out_figure,
     "residual": model_figures.residual_figure,
 }
-"""Function that makes each figure, by the name of its file."""
+"""Function that makes each figure, by its name in the page."""
 
 
 def write_report(result: Result, folder: Path | str) -> None:
-    """Writes report.json, report.html, model.yaml and figures/*.png.
+    """Writes report.json, report.html and model.yaml.
 
     Models that are nearly as likely are rivals/rival_1.yaml and so on, the likeliest
     first. All is made before anything is written, and what cannot be written in full
@@ -40,12 +39,7 @@ def write_report(result: Result, folder: Path | str) -> None:
         InputError: if the folder is a file.
         OSError: if it cannot be written.
     """
-    figures = make_figures(result)
-    # None: a figure of an earlier run.
-    files: dict[str, bytes | None] = {f"figures/{name}.png": None for name in FIGURES}
-    for name, figure in figures.items():
-        files[f"figures/{name}.png"] = to_png(figure)
-    files["report.html"] = to_html(result, figures).encode()
+    files: dict[str, bytes | None] = {"report.html": to_html(result).encode()}
     text_of_model = model_text(result.model, _origin_of(result), result.covariance)
     files["model.yaml"] = text_of_model.encode()
     for path in Path(folder).glob("rivals/rival_*.yaml"):
@@ -60,20 +54,15 @@ def write_report(result: Result, folder: Path | str) -> None:
     replace_files(Path(folder), files, last="report.json")
 
 
-def make_figures(result: Result) -> dict[str, Figure]:
-    """Name to figure; those with nothing to show are omitted."""
+def to_html(result: Result) -> str:
+    """The page of a result, one file; figures with nothing to show are omitted."""
     figures = {name: make(result) for name, make in FIGURES.items()}
-    return {name: figure for name, figure in figures.items() if figure is not None}
-
-
-def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
-    """The page of a result, one file; its figures are made where none are given."""
     versions = {"drake-glider": result.version, "Python": platform.python_version()}
     for package in ("drake", "numpy", "numba"):
         versions[package] = importlib.metadata.version(package)
     return render_page(
         "report.html",
-        make_figures(result) if figures is None else figures,
+        {name: figure for name, figure in figures.items() if figure is not None},
         result=result,
         versions=versions,
         labels=LABELS,
@@ -88,17 +77,21 @@ def to_html(result: Result, figures: dict[str, Figure] | None = None) -> str:
 
 def _origin_of(result: Result) -> Origin:
     """Where the corrected model comes from, and how well it is known."""
-    errors = {
-        f"{effect.kind}.{name}": estimate.std
-        for effect in result.effects
-        for name, estimate in effect.coefficients.items()
-    }
-    errors |= {name: estimate.std for name, estimate in result.vehicle.items()}
+    estimates = {}
+    for effect in result.effects:
+        for name, estimate in effect.coefficients.items():
+            estimates[f"{effect.kind}.{name}"] = estimate
+    estimates |= result.vehicle
+    errors = {}
+    for name, estimate in estimates.items():
+        if math.isfinite(estimate.std):
+            errors[name] = float(estimate.std)
+    now = datetime.datetime.now().astimezone()
     return Origin(
         source=result.path.name,
-        date=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        date=now.isoformat(timespec="seconds"),
         version=f"drake-glider {result.version}",
-        standard_errors={n: float(s) for n, s in errors.items() if math.isfinite(s)},
+        standard_errors=errors,
         notes=wording.notes_of(result),
         warnings=wording.say("model_warnings", result),
     )
@@ -109,9 +102,11 @@ def _origin_of_rival(result: Result, rival: Alternative) -> Origin:
     errors = {}
     if known := rival.covariance:
         errors = dict(zip(known.names, known.std.tolist(), strict=True))
-    share, chosen = (a.probability for a in (rival, result.alternatives[0]))
+    chosen = result.alternatives[0]
     note = (
-        f"a rival of model.yaml: of the explanations that are nearly as likely, its "
-        f"probability is {share:.2g}, that of model.yaml {chosen:.2g}"
+        "a rival of model.yaml: of the explanations that are nearly as likely, its "
+        f"probability is {rival.probability:.2g}, that of model.yaml "
+        f"{chosen.probability:.2g}"
     )
-    return dataclasses.replace(_origin_of(result), standard_errors=errors, notes=[note])
+    origin = _origin_of(result)
+    return dataclasses.replace(origin, standard_errors=errors, notes=[note])

@@ -54,7 +54,7 @@ def free_functions_figure(result: Result) -> spec.Figure | None:
     if not panels:
         return None
     keys = {"rest": "free function of the corrected model"}
-    return spec.Figure(keys=keys, panels=panels, columns=min(2, len(panels)))
+    return spec.Figure(keys=keys, panels=panels)
 
 
 def _function_panels(
@@ -187,7 +187,6 @@ def residual_figure(result: Result) -> spec.Figure | None:
     return spec.Figure(
         keys={m: LABELS[m] for m in tables},
         panels=panels,
-        columns=len(variables),
         flights=result.residual_after.names,
     )
 

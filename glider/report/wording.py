@@ -5,10 +5,9 @@ Sentences are in templates/sentences.txt, errors in `error_table`.
 
 import math
 from collections.abc import Iterable, Sized
-from typing import Any, NamedTuple
+from typing import Any
 
 import jinja2
-import numpy as np
 
 from glider.physics.effects import KINDS
 from glider.report import numbers
@@ -107,32 +106,6 @@ def _effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
     }
 
 
-class _CombinationRow(NamedTuple):
-    """A set of effects; `behind` is its evidence less that of the best set."""
-
-    words: list[str]
-    behind: str
-    is_chosen: bool
-
-
-def combination_rows(result: Result) -> list[_CombinationRow]:
-    """The best sets of effects that were fitted."""
-    tried = {kind for c in result.combinations for kind in c.kinds}
-    # A wrong sign is in no set; a variation over flights alone has no evidence.
-    effects = {e.kind for e in result.effects if not math.isnan(e.evidence)}
-    chosen = tried & effects
-    best = result.combinations[0].evidence if result.combinations else math.nan
-
-    rows = []
-
-    for i, c in enumerate(result.combinations):
-        words = words_of(result, c.kinds)
-        behind = numbers.format_evidence(c.evidence - best) if i else ""
-        rows.append(_CombinationRow(words, behind, set(c.kinds) == chosen))
-
-    return rows
-
-
 def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
     """File, effects and probability of the corrected model and its rivals, if any."""
     if not result.rivals:
@@ -217,12 +190,6 @@ def spread_rows(result: Result) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _numbers_of(value: Any) -> str:
-    if value is None:
-        return "not given"
-    return ", ".join(f"{v:g}" for v in np.atleast_1d(value))
-
-
 def _from_to(result: Result, old: float, new: float) -> str:
     unit = unit_beside_floor(result, old, new)
     return f"from {unit.text(old)} to {unit.text(new)}"
@@ -265,7 +232,6 @@ TEMPLATES.globals |= {
     "metres": numbers.format_length,
     "model_of": _model_of,
     "name_of": name_of,
-    "numbers": _numbers_of,
     "spread": numbers.format_spread,
     "vars": vars,
     "words_of": words_of,

@@ -23,7 +23,7 @@ AFTER = 0.1
 """Time that a flight goes on after the plan's end [s]: a glider that comes late
 passes the wire later. The plan ends at 0.9 m/s forward and 2 m/s down."""
 
-CHUNK = 2500
+_CHUNK = 2500
 """Number of flights in one task of a sweep. Another number means other random draws."""
 
 
@@ -46,7 +46,7 @@ class Policy(Protocol):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Clock:
+class _Clock:
     """The steps of a flight and how many of them a command is held."""
 
     step: float  #: Length of a step [s].
@@ -59,12 +59,12 @@ class Clock:
         return math.ceil(self.steps / self.hold) if self.hold else 0
 
 
-def make_clock(
+def _make_clock(
     policy: Policy,
     command_rate: float | None = None,
     step: float = STEP,
     after: float = AFTER,
-) -> Clock:
+) -> _Clock:
     """Divides a flight into steps that the kinks of plan or commands fall between.
 
     Args:
@@ -79,11 +79,11 @@ def make_clock(
     count = policy.count(step)
     if command_rate is None:
         step = duration / count
-        return Clock(step=step, steps=count + math.ceil(after / step), hold=0)
+        return _Clock(step=step, steps=count + math.ceil(after / step), hold=0)
     check_command_rate(command_rate)
     hold = math.ceil(1.0 / (command_rate * step) - 1e-9)
     step = 1.0 / (command_rate * hold)
-    return Clock(step=step, steps=math.ceil((duration + after) / step), hold=hold)
+    return _Clock(step=step, steps=math.ceil((duration + after) / step), hold=hold)
 
 
 def check_command_rate(rate: float) -> None:
@@ -119,7 +119,7 @@ def fly(
         command_rate: commands are computed at this rate and held [Hz]; None: the
             command follows the state at once.
         noise: (B, H, m) added to the states that each command is computed from,
-            m states and `make_clock(...).commands` commands.
+            m states and `_make_clock(...).commands` commands.
         step: longest step [s]; divided where the effects' own states ask for it.
         after: how long the flights go on after the plan [s].
         keep_paths: whether to return all states, and held commands.
@@ -129,7 +129,7 @@ def fly(
     """
     model = as_model(model)
     check_states(model, policy)
-    clock = make_clock(policy, command_rate, step, after)
+    clock = _make_clock(policy, command_rate, step, after)
     laps = model.count_laps(clock.step)
     starts = full_starts(model, starts)
     if noise is not None:
@@ -203,7 +203,7 @@ def sweep(
     The result depends on the seed alone, not on the workers, and is without paths.
     """
     expect(flights >= 1, "sweep: 'flights'", flights, "at least 1")
-    counts = [min(CHUNK, flights - first) for first in range(0, flights, CHUNK)]
+    counts = [min(_CHUNK, flights - first) for first in range(0, flights, _CHUNK)]
     rngs = np.random.default_rng(seed).spawn(len(counts))
     fly_chunk = joblib.delayed(fly_some)
     chunks = joblib.Parallel()(map(fly_chunk, counts, rngs))

@@ -31,7 +31,7 @@ from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
 from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
-from glider.sysid.likelihood.task import FitResult, Task, make_task
+from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.likelihood.uncertainty import averaged, uncertainty_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
@@ -44,8 +44,6 @@ SHARES = {
     **{"refit": 0.85, "predict": 0.89, "weigh": 0.98},
 }
 """Usual shares of the time when the stages begin, measured on the samples."""
-
-_MOST_COMBINATIONS = 12  # Sets of effects that a result lists.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -61,7 +59,6 @@ class Analysis:
     held_out: tuple[str, ...]  #: Names of those that errors are measured on.
     rng: np.random.Generator  #: Of all that is drawn at random.
     settings: dict[str, Any]  #: Of the run, for the report.
-    earlier: FitResult | None  #: The model of an earlier run, to begin with.
 
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:
@@ -140,14 +137,14 @@ class Analysis:
             }
             everything, task = self._without(outlying, everything)
         with self.stage("trace"):
-            traced = trace(task, noise, self.rng, self.progress, self.earlier)
+            traced = trace(task, noise, self.rng, self.progress)
             if extreme := find_extreme(everything, traced.model):
                 again = sorted(r.name for r in task.records if r.name in extreme)
                 everything, task = self._without(extreme, everything)
                 outlying |= extreme
                 if again:
                     self.progress(f"again without {', '.join(again)}")
-                    traced = trace(task, noise, self.rng, self.progress, self.earlier)
+                    traced = trace(task, noise, self.rng, self.progress)
         return Searched(flights, everything, task, traced, outlying, extreme)
 
     def _without(
@@ -271,14 +268,12 @@ class Analysis:
             "log_findings": self.inspection.warnings + found.flights.findings,
             "air": result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
             "candidates": traced.alone,
-            "combinations": traced.combinations[:_MOST_COMBINATIONS],
             "evidence_threshold": traced.threshold,
             "seconds": self.seconds,
             "version": importlib.metadata.version("drake-glider"),
             "own_effects": tuple(
                 self.vehicle.space.kinds[name] for name in self.settings["own_effects"]
             ),
-            "fit": traced.model,
             "seed": self.settings["seed"],
             "settings": self.settings,
         }

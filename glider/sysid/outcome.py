@@ -102,7 +102,6 @@ def effects_of(
                 evidence=evidence,
                 share_of_residual=float(share),
                 inclusion=traced.weighed[name].inclusion,
-                found_by=traced.found_by.get(name, ""),
                 indistinguishable_from=rivals_of(task, traced, names, name),
             )
         )

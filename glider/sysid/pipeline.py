@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from glider.campaign.logs import Campaign, split_flights
 from glider.campaign.reader import load_campaign
-from glider.errors import InputError, expect, show
+from glider.errors import InputError, expect
 from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
 from glider.progress import Progress, Step, silent
 
@@ -32,7 +32,6 @@ def close_the_loop(
     seed: int = 0,
     effects: Sequence[str] | None = None,
     own_effects: Sequence[EffectKind] = (),
-    earlier: "Result | None" = None,
     progress: Progress = silent,
 ) -> "Result":
     """Finds what a glider's model lacks, adds it, and measures the improvement.
@@ -45,15 +44,10 @@ def close_the_loop(
         seed: of the split into fitted and held-out flights.
         effects: names of the kinds to try; by default the library and `own_effects`.
         own_effects: kinds that the library lacks, of any stage but the log.
-        earlier: result of fewer flights of the campaign, with the same effects to try.
-            The search begins with its model, and ends sooner where all flights show the
-            same effects; estimates then agree to a small part of their standard errors.
-            Not used where mass or areas are unknown.
         progress: called with a line of text as the work goes on.
 
     Raises:
-        InputError: the campaign or an argument cannot be used, such as an earlier
-            result of another campaign or of other effects to try.
+        InputError: the campaign or an argument cannot be used.
     """
     own = tuple(own_effects)
     _check(held_out, effects, own)
@@ -61,8 +55,6 @@ def close_the_loop(
     progress(Step("read", 0.0))
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign, flights=flights, grades=grades)
-    if earlier:
-        _check_earlier(earlier, campaign.path, effects, own)
     from glider.campaign.checks.inspection import inspect
 
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
@@ -82,13 +74,11 @@ def close_the_loop(
             fitted=tuple(flight.name for flight in split[0]),
             held_out=tuple(flight.name for flight in split[1]),
             rng=np.random.default_rng(seed),
-            earlier=earlier.fit if earlier else None,
             settings={
                 "seed": seed,
                 "held_out": held_out,
                 **{k: None if v is None else list(v) for k, v in given.items()},
                 "own_effects": [e.kind for e in own],
-                "earlier": [*earlier.flights.fit] if earlier else None,
                 "notes": list(vehicle.notes),
             },
         ).run()
@@ -109,23 +99,6 @@ def _check(
     for name in effects or ():
         if name not in known:
             raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
-
-
-def _check_earlier(
-    earlier: "Result",
-    path: Path,
-    effects: Sequence[str] | None,
-    own: tuple[EffectKind, ...],
-) -> None:
-    """Raises InputError unless a result is of a campaign, with the effects to try."""
-    what = "the earlier result's"
-    kinds = None if effects is None else [*effects]
-    expect(earlier.path == path, f"{what} campaign", str(earlier.path), str(path))
-    tried = earlier.settings["effects"]
-    expect(tried == kinds, f"{what} list of effects to try", tried, show(kinds))
-    same = earlier.own_effects == own
-    names = [[e.kind for e in some] for some in (earlier.own_effects, own)]
-    expect(same, f"{what} list of own effects", names[0], f"{show(names[1])}, the same")
 
 
 def _to_try(

@@ -54,7 +54,6 @@ class FoundEffect:
     #: Flight-to-flight standard deviations of coefficients that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model has a free function.
-    found_by: str = ""  #: Name of the move that found it last, or `tracing.EARLIER`.
     family: str = ""  #: `Family.link` of a free function; empty for a formula.
     indistinguishable_from: tuple[str, ...] = ()  #: Do as well, alone or together.
     depends_on: tuple[str, ...]  #: Variables that it varies with.
@@ -107,14 +106,6 @@ class Residual:
         """Whether a perfect model may leave as much: never more than MOST_LEFT."""
         most = min(MOST_LEFT, self.most_by_chance)
         return not (self.exceeds_chance or self.ratio_to_floor > most)
-
-
-@dataclasses.dataclass(frozen=True)
-class Combination:
-    """A set of effects that was fitted in full."""
-
-    kinds: tuple[str, ...]
-    evidence: Number  #: Penalized gain over the flat plate alone [nats].
 
 
 @dataclasses.dataclass(frozen=True)
@@ -244,7 +235,6 @@ class Report:
     correlations: dict[str, dict[str, Number]]
     derivatives: Derivatives | None = None  #: Older versions have none.
     candidates: dict[str, Number]  #: Evidence of each kind when tried alone [nats].
-    combinations: tuple[Combination, ...]  #: Sets that were fitted, best first.
     vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
     warnings: tuple[str, ...]
     set_aside: tuple[ExcludedRows, ...]
@@ -325,8 +315,6 @@ class Result(Report):
     covariance: Covariance | None = None  #: Of all fitted parameters, if any.
     #: The corrected glider and those of sets that are nearly as likely.
     alternatives: tuple[Alternative, ...] = ()
-    #: The model as it was fitted, a `FitResult`: where another run may begin.
-    fit: Any = dataclasses.field(default=None, repr=False)
 
     def __repr__(self) -> str:
         """Returns one line, as a notebook shows it."""

@@ -26,7 +26,7 @@ from glider.sysid.search.support import SearchResult
 
 _AT_CEILING = 0.97  # Share of the largest scale, which a fit only comes near.
 
-BOUNDED = {
+_BOUNDED = {
     "air": "gusts of {:.2g} m/s",
     "wind": "flight-to-flight winds of {:.2g} m/s",
     "trim": "flight-to-flight trims of {:.2g} rad",
@@ -69,7 +69,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
     scales = vars(model.scales)
     found = [
         words.format(scales[name])
-        for name, words in BOUNDED.items()
+        for name, words in _BOUNDED.items()
         if scales[name] > _AT_CEILING * getattr(CEILING, name)
     ]
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
@@ -210,7 +210,7 @@ def _beyond_floor(left: Residual) -> str:
     )
 
 
-def changes_baseline_alone(model: FitResult) -> bool:
+def _changes_baseline_alone(model: FitResult) -> bool:
     """Whether all effects of a model are other values of the flat plate's parameters.
 
     The refitted baseline has them too and may leave nothing to gain: they are
@@ -252,7 +252,7 @@ def _not_better(
                 f"Flights held out in folds, flown {way}, are worse with the "
                 f"correction than with the {baseline} (t = {held_out.lost(way).t:.1f})."
             )
-    if doubt is None or over is None or not changes_baseline_alone(model):
+    if doubt is None or over is None or not _changes_baseline_alone(model):
         return doubt or than_given, False
     is_lost = gain.t < -gain.least_t
     lost = _no_gain(gain, f"{baseline}: it loses") if is_lost else None

@@ -81,7 +81,7 @@ def is_warned_of(reported: Reported, said: str) -> bool:
 
 
 def test_next_throw_proposes(reported, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("glider.experiments.throw_search.ROUNDS", 1)
+    monkeypatch.setattr("glider.experiments.throw_search._ROUNDS", 1)
     out = tmp_path / "next"
     files = ["--report", str(reported.folder), "--launches", "1", "--out", str(out)]
     assert main(["next-throw", str(reported.campaign), *files]) == 0

@@ -12,12 +12,7 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.control.tvlqr import sample_plan
-from glider.experiments.explanations import (
-    Explanation,
-    Findings,
-    explain,
-    with_probabilities,
-)
+from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.proposal import read_task
 from glider.experiments.throw_limits import ThrowLimits
 from glider.experiments.throws import Throw
@@ -158,14 +153,15 @@ def weigh(
 
     An oracle's, who knows which effects it may be.
     """
-    first = rivals[0]
-    size = KINDS[first].coefficients[0]
-    start = GliderModel(effects=(KINDS[first](**{size.name: 0.05 * size.scale}),))
-    findings = Findings(model=start, kinds=(first,))
+    models = []
+    for kind in rivals:
+        size = KINDS[kind].coefficients[0]
+        effect = KINDS[kind](**{size.name: 0.05 * size.scale})
+        models.append(GliderModel(effects=(effect,)))
+    findings = Findings(models=tuple(models))
     known, task, noise = read_task(campaign(flights), findings)
     task = dataclasses.replace(task, kinds=tuple(rivals))
-    alone = [e for e in explain(task, noise, findings) if len(e.model.kinds) == 1]
-    return known, task, noise, with_probabilities(alone)
+    return known, task, noise, explain(task, noise, findings)
 
 
 def probability(explanations: Sequence[Explanation], kind: str) -> float:

@@ -19,6 +19,7 @@ from glider.sysid.likelihood.task import Task
 from glider.sysid.replay.record import Noise, Record
 
 LATE = GliderModel(effects=(KINDS["servo_lag"](time_constant=0.002),))
+DELAYED = GliderModel(effects=(KINDS["command_delay"](delay=0.002),))
 
 Posterior = tuple[Campaign, Task, Noise, tuple[Explanation, ...]]
 
@@ -30,7 +31,7 @@ def late_posterior() -> Posterior:
     campaign = CampaignPlan(flights=4).simulate(LATE, rng)
     clocks = ServoLog(clock_std=0.0, command_std=0.0)  # Else 2 ms may be theirs.
     campaign = dataclasses.replace(campaign, servo=clocks)
-    findings = Findings(model=LATE, kinds=("servo_lag",))
+    findings = Findings(models=(LATE, DELAYED))
     campaign, task, noise = read_task(campaign, findings)
     return campaign, task, noise, explain(task, noise, findings)
 
@@ -50,5 +51,5 @@ def flown_throw(record: Record) -> Throw:
 def late_proposal() -> Proposal:
     """Returns two throws that are proposed for them, after half a search."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(throw_search, "ROUNDS", throw_search.ROUNDS // 2)
+        patch.setattr(throw_search, "_ROUNDS", throw_search._ROUNDS // 2)
         return propose(*late_posterior(), launches=2)

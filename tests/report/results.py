@@ -15,7 +15,6 @@ from glider.sysid.result import (
     OTHER_SHAPE,
     PERFECT,
     Air,
-    Combination,
     Derivatives,
     EquationErrors,
     Errors,
@@ -46,7 +45,6 @@ WIND = FoundEffect(
     indistinguishable_from=("frame_tilt",),
     depends_on=("V", "alpha"),
     inclusion=0.97,
-    found_by="best set",
     spread_over_flights={"x": 0.0512},
 )
 UNEXPLAINED = FoundEffect(
@@ -187,11 +185,6 @@ def make_result(**changes):
             depends_on=("alpha",),
         ),
         candidates={"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
-        combinations=(
-            Combination(kinds=("wind",), evidence=21345.6),
-            Combination(kinds=("frame_tilt", "camber"), evidence=21330.2),
-            Combination(kinds=(), evidence=0.0),
-        ),
         correlations={
             "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
             "wind.z": {"wind.x": -0.84},
@@ -272,7 +265,6 @@ def diverged():
             },
         ),
         correlations={"wind.x": {"wind.x": 1.0, "wind.z": math.nan}},
-        combinations=(Combination(kinds=("wind",), evidence=math.nan),),
         air=Air(std_m_s=math.nan, correlation_s=math.inf),
         spreads={
             "wind": Spread(
@@ -313,7 +305,6 @@ VARIANTS = {
         effects=(),
         candidates={},
         folds=(),
-        combinations=(),
         correlations={},
         spreads={},
         vehicle={},

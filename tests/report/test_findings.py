@@ -9,25 +9,21 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.masks import ExcludedRows
-from glider.physics.effects import KINDS
-from glider.report.error_table import error_rows, position_rms, rank_flights
+from glider.report.error_table import position_rms, rank_flights
 from glider.report.folder import to_html
 from glider.report.numbers import length_unit
 from glider.report.plots.style import COLORS, LABELS
 from glider.report.wording import (
-    combination_rows,
     correlation_rows,
     differences,
     headline,
     say,
     spread_rows,
-    vehicle_rows,
 )
 from glider.sysid.result import (
     MODELS,
     VERDICTS,
     Air,
-    Combination,
     Estimate,
     EvidenceThreshold,
     FlightNames,
@@ -68,25 +64,6 @@ def test_lengths_of_a_row_have_one_unit(lengths, unit):
     assert length_unit(*lengths).name == unit
 
 
-def test_every_cell_of_a_row_is_in_its_unit():
-    row = next(r for r in error_rows(make_result()) if r.name == "position, RMS")
-    assert row.unit == "mm"
-    assert row.cells == {"nominal": "413", "refitted": "206", "corrected": "0.413"}
-
-
-def test_every_error_has_that_of_a_perfect_model_beside_it():
-    rows = error_rows(make_result())
-    assert [r.floor for r in rows] == [
-        "0.00100",
-        "0.00200",
-        "0.0300",
-        "0.566",
-        "0.501",
-        "0.143",
-        "0.566",
-    ]
-
-
 def test_summary_with_all_models_fits_a_narrow_terminal():
     text = summary(make_result())
     assert max(len(line) for line in text.splitlines()) <= 80
@@ -94,8 +71,6 @@ def test_summary_with_all_models_fits_a_narrow_terminal():
     table = text[text.index("Errors on") : text.index("Noise:")]
     rows = [line for line in table.splitlines() if line.strip()]
     assert len(rows) == 3 + 3 + 7  # Heading, groups, errors: none is broken.
-    row = next(line for line in rows if "normal" in line)
-    assert row.split()[-5:] == ["1.90", "0.950", "0.00190", "0.00200", "1,000×"]
 
 
 def test_every_model_that_is_shown_has_a_colour_and_a_name():
@@ -115,13 +90,6 @@ def test_each_verdict_has_its_badge_and_its_sentence(verdict):
     same = [r.verdict for r in others if headline(r) == headline(result)]
     # An error without a name is told alike, however much of it has one.
     assert set(same) <= {"partly_explained", "unexplained"}
-
-
-def test_a_finding_that_does_not_hold_is_not_claimed():
-    text = headline(VARIANTS["not trusted"])
-    assert text.startswith("Not trusted: 8 of 9 flights seem to show ")
-    assert "a steady wind: x = -0.600" in text
-    assert text.endswith("changes from 206 mm to 248 mm (RMS).")
 
 
 EXCLUDED = tuple(
@@ -235,17 +203,6 @@ def test_air_is_told_as_it_moves(std, correlation, text):
     assert bool(said) == bool(text)
 
 
-def test_differences_from_flight_to_flight_are_told_with_their_number():
-    result = make_result()
-    (said,) = differences(result)
-    assert said == "elevator trim varies from flight to flight by 0.0203 rad (1.16°)"
-    assert "Elevator trim varies from flight to flight by 0.0203 rad" in flat(
-        summary(result)
-    )
-    assert "x varies from flight to flight by 0.0512 m/s" in flat(summary(result))
-    assert "x ± 0.0512 m/s" in flat(Page(to_html(result)).text)
-
-
 def test_a_difference_that_an_effect_tells_is_told_once():
     spread = Spread(std=0.0512, unit="m/s", values={"flight_001.csv": 0.1})
     result = make_result(spreads={"wind": spread})
@@ -262,24 +219,6 @@ def test_the_headline_of_many_effects_has_no_coefficients():
     )
 
 
-def test_how_often_an_effect_is_chosen_is_told():
-    result = make_result()
-    assert "bootstrap inclusion 97 %" in flat(summary(result))
-    assert " 97 % " in flat(Page(to_html(result)).text)
-
-
-def test_a_shape_that_is_not_the_librarys_is_told():
-    result = VARIANTS["partly explained"]
-    for text in (summary(result), Page(to_html(result)).text):
-        assert flat(text).lower().count("shape not the library's") == 2
-    assert "shape not" not in summary(make_result()).lower()
-
-
-def test_folds_are_counted():
-    assert "in 2 of 3 folds" in say("folds", make_result())[0]
-    assert say("folds", make_result(folds=())) == []
-
-
 def test_warnings_and_rows_set_aside_are_told():
     result = make_result()
     for text in (summary(result), Page(to_html(result)).text):
@@ -292,37 +231,7 @@ def test_warnings_and_rows_set_aside_are_told():
     assert Page(to_html(many)).text.count("the pose is frozen.") == 4
 
 
-def test_the_vehicle_is_told_with_its_errors():
-    result = make_result()
-    for text in (summary(result), Page(to_html(result)).text):
-        assert "wing area per mass" in text
-        assert "1.11 ± 0.02 m²/kg" in flat(text)
-    assert vehicle_rows(make_result(vehicle={})) == []
-
-
 # Tables.
-
-
-def test_combinations_are_compared_with_the_best():
-    rows = combination_rows(make_result())
-    assert [r.behind for r in rows] == ["", "-15", "-21,346"]
-    assert [r.is_chosen for r in rows] == [True, False, False]
-    assert rows[1].words == [KINDS["frame_tilt"].words, KINDS["camber"].words]
-    page = Page(to_html(make_result())).text
-    assert "none: the flat plate alone" in page
-
-
-def test_the_chosen_set_is_marked_beside_effects_that_are_in_no_set():
-    sign = dataclasses.replace(WIND, kind="angle_sign")
-    rows = combination_rows(make_result(effects=(sign, WIND, UNEXPLAINED)))
-    assert [r.is_chosen for r in rows] == [True, False, False]
-
-
-def test_a_variation_over_flights_is_in_no_chosen_combination():
-    """It is among the effects, but the model has none of its kind."""
-    varies = dataclasses.replace(WIND, kind="camber", evidence=math.nan)
-    rows = combination_rows(make_result(effects=(WIND, varies)))
-    assert [r.is_chosen for r in rows] == [True, False, False]
 
 
 def test_the_evidence_threshold_on_the_page_is_the_one_that_was_used():
@@ -391,7 +300,6 @@ def test_evidence_is_told_as_it_was_found():
     assert "of held-out flights that is lost" not in flat(Page(to_html(partly)).text)
     unknown = flat(Page(to_html(VARIANTS["unknown vehicle"])).text)
     assert "log-likelihood of held-out flights that is lost" in unknown
-    assert "scored on held-out flights" in unknown
 
 
 # What users of SIDPAC and MATLAB look for.
@@ -438,13 +346,9 @@ def test_one_flight_is_one_and_an_empty_setting_none():
 
 
 def test_an_effect_has_one_evidence():
-    """Its loss when it is omitted; sets are compared by differences."""
+    """Its loss when it is omitted."""
     effect = dataclasses.replace(WIND, evidence=1234.0)
-    result = make_result(
-        effects=(effect,),
-        candidates={"wind": 5678.0, "mass": 56.78},
-        combinations=(Combination(kinds=("wind",), evidence=910.0),),
-    )
+    result = make_result(effects=(effect,), candidates={"wind": 5678.0, "mass": 56.78})
     page = to_html(result)
     assert "+1,234" in page
-    assert not re.search(r"5,?678(?!\d)|\+910", Page(page).text)
+    assert not re.search(r"5,?678(?!\d)", Page(page).text)

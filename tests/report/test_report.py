@@ -10,8 +10,6 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
-import matplotlib.image
-import matplotlib.pyplot
 import numpy as np
 import pytest
 import yaml
@@ -23,14 +21,12 @@ from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel, load_covariance
 from glider.report.as_page import STATIC
-from glider.report.folder import make_figures, to_html, write_report
-from glider.report.plots.as_file import to_png
+from glider.report.folder import to_html, write_report
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, remarks, rival_rows
 from glider.sysid.result import PERFECT, Alternative, Estimate, OutlyingFlights
 from tests.helpers.own_kinds import FLAP
 from tests.report.results import (
-    PERFECT_ERRORS,
     VARIANTS,
     WIND,
     all_errors,
@@ -42,10 +38,6 @@ from tests.report.results import (
 SLOW = pytest.mark.slow
 
 FIGURES = {*("free_functions", "coefficients"), *("held_out", "residual")}
-
-
-STUB = b"\x89PNG\r\n"
-"""A picture where the drawing of it is not what is tested."""
 
 
 @pytest.fixture(params=VARIANTS)
@@ -65,18 +57,8 @@ def written(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report") / "new" / "deep"
     folder.mkdir(parents=True)
     (folder / "notes.txt").write_text("mine")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "glider.report.folder.to_png", lambda figure: to_png(figure, dpi=50)
-        )  # Quicker.
-        write_report(VARIANTS[request.param], folder)
+    write_report(VARIANTS[request.param], folder)
     return VARIANTS[request.param], folder
-
-
-@pytest.fixture
-def quick(monkeypatch):
-    """Draws no figure, where that is not what is tested."""
-    monkeypatch.setattr("glider.report.folder.to_png", lambda figure: STUB)
 
 
 class Page(HTMLParser):
@@ -130,105 +112,6 @@ def leaves(data):
     return [data]
 
 
-def test_json_has_the_schema_and_si_numbers():
-    assert to_json(make_result()) == {
-        "campaign": "head_wind",
-        "flights": {
-            "fit": ["flight_001.csv", "flight_002.csv"],
-            "held_out": [f"flight_1{i:02d}.csv" for i in range(6)],
-        },
-        "verdict": "effect_found",
-        "reason": "With the wind the held-out flights are flown to the noise.",
-        "effects": [
-            {
-                "kind": "wind",
-                "words": "a steady wind",
-                "coefficients": {
-                    "x": {"value": -0.59987, "std": 0.00312, "unit": "m/s"},
-                    "z": {"value": 0.0502, "std": 0.0009, "unit": "m/s"},
-                },
-                "evidence": 21345.6,
-                "share_of_residual": 0.93,
-                "inclusion": 0.97,
-                "spread_over_flights": {"x": 0.0512},
-                "shape": "library",
-                "found_by": "best set",
-                "family": "",
-                "indistinguishable_from": ["frame_tilt"],
-                "depends_on": ["V", "alpha"],
-            }
-        ],
-        "errors": {
-            name: errors_json(scale)
-            for name, scale in (("nominal", 1), ("refitted", 0.5), ("corrected", 1e-3))
-        }
-        | {PERFECT: to_builtins(PERFECT_ERRORS)},
-        "outlying": None,
-        "evidence_threshold": {"effect": 6.6, "coefficient": 1.6, "uncommon": 0.0},
-        "folds": [
-            {
-                "held_out": names,
-                "refitted": errors_json(0.5),
-                "corrected": errors_json(corrected),
-            }
-            for names, corrected in (
-                (["flight_001.csv", "flight_100.csv"], 0.4),
-                (["flight_002.csv"], 0.4),
-                (["flight_101.csv"], 0.6),
-            )
-        ],
-        "left": {
-            "position_m": 5.3e-3,
-            "ratio_to_floor": 13.25,
-            "ratio_along_pitch": 9.5,
-            "most_by_chance": 1.8,
-            "chance": 1e-4,
-            "depends_on": ["alpha"],
-            "air_depends_on": [],
-        },
-        "derivatives": to_builtins(make_result().derivatives),
-        "air": {"std_m_s": 0.12, "correlation_s": 0.31},
-        "spreads": {
-            "elevator_trim": {
-                "std": 0.0203,
-                "std_error": None,
-                "unit": "rad",
-                "values": {"flight_001.csv": 0.015, "flight_002.csv": -0.031},
-            }
-        },
-        "correlations": {
-            "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
-            "wind.z": {"wind.x": -0.84},
-        },
-        "candidates": {"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
-        "combinations": [
-            {"kinds": ["wind"], "evidence": 21345.6},
-            {"kinds": ["frame_tilt", "camber"], "evidence": 21330.2},
-            {"kinds": [], "evidence": 0.0},
-        ],
-        "vehicle": {
-            "wing_area_per_mass": {"value": 1.106, "std": 0.021, "unit": "m²/kg"}
-        },
-        "warnings": ["flight_002.csv: the clock of the pose drifts by 0.3 %."],
-        "set_aside": [
-            {"file": "flight_007.csv", "rows": "all", "why": "it stands still."},
-            {"file": "flight_001.csv", "rows": "41-80", "why": "the pose is frozen."},
-        ],
-        "planarity": {"flight_105.csv": "not planar: roll up to 31°"},
-        "seed": 0,
-        "settings": {
-            "seed": 0,
-            "effects": None,
-            "notes": ["A mass of 1 kg is assumed."],
-        },
-        "noise": {"position_m": 4e-4, "pitch_rad": 2.5e-3},
-        "clocks": {},
-        "log_findings": [],
-        "seconds": {"smooth": 0.31, "trace": 5.2},
-        "version": "0.1.0",
-    }
-
-
 def test_json_file_is_strict_whatever_the_numbers(written):
     variant, folder = written
 
@@ -241,32 +124,6 @@ def test_json_file_is_strict_whatever_the_numbers(written):
     assert data["errors"].keys() - {PERFECT} == {"nominal", "refitted", "corrected"}
     for leaf in leaves(to_json(variant)):
         assert leaf is None or type(leaf) in (str, float, int)
-
-
-def test_numbers_that_are_none_become_null():
-    data = to_json(VARIANTS["diverged"])
-    assert data["errors"]["nominal"]["rollout"]["position_rms_m"] is None
-    assert data["errors"]["corrected"]["equation"]["pitch"] is None
-    assert data["effects"][0]["evidence"] is None
-    assert data["effects"][0]["coefficients"]["x"]["std"] is None
-    assert data["noise"]["pitch_rad"] is None
-    assert data["left"] == {
-        "position_m": None,
-        "ratio_to_floor": None,
-        "ratio_along_pitch": None,
-        "most_by_chance": None,
-        "chance": None,
-        "depends_on": [],
-        "air_depends_on": [],
-    }
-    assert data["folds"][0]["refitted"]["rollout"]["position_rms_m"] is None
-    assert data["spreads"]["wind"]["values"] == {"flight_001.csv": None}
-    assert data["correlations"]["wind.x"]["wind.z"] is None
-
-
-def test_json_tells_a_shape_that_is_not_the_librarys():
-    (effect,) = to_json(VARIANTS["partly explained"])["effects"]
-    assert effect["shape"] == "not the library's"
 
 
 def test_numpy_numbers_become_plain_ones():
@@ -294,15 +151,10 @@ def test_page_needs_nothing_else(variant):
     assert not re.search(r"\b(nan|inf|None)\b", page.text)
 
 
-def test_page_has_a_chart_of_every_figure_that_is_written(written):
+def test_page_has_a_chart_of_every_figure(written):
     variant, folder = written
     page = Page((folder / "report.html").read_text(encoding="utf-8"))
-    files = {path.stem: path.read_bytes() for path in folder.glob("figures/*")}
-    assert set(page.figures) == files.keys() == drawn(variant)
-    for png in files.values():
-        pixels = matplotlib.image.imread(io.BytesIO(png))
-        assert np.ptp(pixels) > 0.5  # Not a blank sheet.
-    assert matplotlib.pyplot.get_fignums() == []
+    assert set(page.figures) == drawn(variant)
 
 
 def test_page_and_terminal_say_the_verdict(variant):
@@ -328,14 +180,14 @@ def test_page_escapes_names():
 def test_folder_holds_the_report_and_keeps_what_was_there(written):
     variant, folder = written
     names = {path.name for path in folder.iterdir()}
-    ours = {"report.json", "report.html", "model.yaml", "figures"}
+    ours = {"report.json", "report.html", "model.yaml"}
     assert names == ours | {"notes.txt"}
     assert (folder / "notes.txt").read_text() == "mine"
     assert GliderModel.load(folder / "model.yaml") == variant.model
 
 
 @pytest.mark.filterwarnings("ignore:.*varies from flight to flight:UserWarning")
-def test_rivals_are_models_of_their_own(tmp_path, quick):
+def test_rivals_are_models_of_their_own(tmp_path):
     result, rival = make_result(), VARIANTS["unexplained"].model
     known = Covariance(names=("mass",), matrix=np.array([[4e-6]]))
     alternatives = (
@@ -382,7 +234,7 @@ def test_rivals_are_models_of_their_own(tmp_path, quick):
     assert {path.name for path in folder.iterdir()} == mine | {"rival_1.yaml"}
 
 
-def test_a_file_in_the_place_of_a_folder_leaves_the_report_as_it_was(tmp_path, quick):
+def test_a_file_in_the_place_of_a_folder_leaves_the_report_as_it_was(tmp_path):
     write_report(make_result(verdict="no_effect"), tmp_path)
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir() if p.is_file()}
     (tmp_path / "rivals").write_text("mine")
@@ -395,15 +247,9 @@ def test_a_file_in_the_place_of_a_folder_leaves_the_report_as_it_was(tmp_path, q
     assert (tmp_path / "rivals").read_text() == "mine"
 
 
-def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
+def test_a_second_report_replaces_the_first(tmp_path):
     write_report(make_result(model=VARIANTS["unexplained"].model), tmp_path)
-    (tmp_path / "figures" / "mine.png").write_bytes(b"")
-    assert {p.stem for p in tmp_path.glob("figures/*.png")} == FIGURES | {"mine"}
-    fewer = {"residual": make_figures(make_result())["residual"]}
-    monkeypatch.setattr("glider.report.folder.make_figures", lambda result: fewer)
     write_report(VARIANTS["no effect"], tmp_path)
-    assert {p.stem for p in tmp_path.glob("figures/*.png")} == {"residual", "mine"}
-    assert (tmp_path / "figures" / "residual.png").read_bytes() == STUB
     data = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert data["verdict"] == "no_effect"
     assert headline(VARIANTS["no effect"]) in (tmp_path / "report.html").read_text(
@@ -411,7 +257,7 @@ def test_a_second_report_replaces_the_first(tmp_path, monkeypatch, quick):
     )
 
 
-def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch, quick):
+def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch):
     write_report(make_result(), str(tmp_path))
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     monkeypatch.setattr("glider.report.folder.to_html", lambda *_: 1 / 0)
@@ -421,7 +267,7 @@ def test_a_failure_leaves_the_old_report(tmp_path, monkeypatch, quick):
 
 
 @pytest.mark.parametrize("file", ["model.yaml", "report.html", "report.json"])
-def test_a_full_disk_leaves_the_old_report(tmp_path, monkeypatch, quick, file):
+def test_a_full_disk_leaves_the_old_report(tmp_path, monkeypatch, file):
     write_report(make_result(), tmp_path)
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     write = Path.write_bytes
@@ -439,7 +285,7 @@ def test_a_full_disk_leaves_the_old_report(tmp_path, monkeypatch, quick, file):
     assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
 
 
-def test_the_model_says_where_it_comes_from_and_how_well_it_is_known(tmp_path, quick):
+def test_the_model_says_where_it_comes_from_and_how_well_it_is_known(tmp_path):
     known = Covariance(names=("wind.x",), matrix=np.array([[4e-6]]))
     result = make_result(covariance=known)
     write_report(result, tmp_path)
@@ -457,7 +303,7 @@ def test_the_model_says_where_it_comes_from_and_how_well_it_is_known(tmp_path, q
             assert found == (estimate.std if math.isfinite(estimate.std) else None)
 
 
-def test_a_file_in_the_folders_place_is_an_input_error(tmp_path, quick):
+def test_a_file_in_the_folders_place_is_an_input_error(tmp_path):
     path = tmp_path / "taken"
     path.write_text("")
     with pytest.raises(InputError, match="taken: is a file"):

@@ -16,7 +16,7 @@ from glider.physics.effects import DYNAMIC_STALL, WIND
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import closest_pass
-from glider.simulation.fly import CHUNK, fly, full_starts, make_clock, sweep
+from glider.simulation.fly import _CHUNK, _make_clock, fly, full_starts, sweep
 from glider.systems.regulator import tracking_regulator
 from tests.helpers.flights import (
     LAGGING,
@@ -52,7 +52,7 @@ def launches(count, spread=FAR, seed=0):
 def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
     """End states and misses to 1e-5, with the nominal model's servo at its limits."""
     starts = launches(2, FAR if truth is NOMINAL else {}, seed=4)
-    clock = make_clock(drake_policy(), rate, step=0.0005)
+    clock = _make_clock(drake_policy(), rate, step=0.0005)
     noise = draw_noise(len(starts), clock.commands) if noisy else None
     ours = fly(
         truth, drake_policy(), starts, command_rate=rate, noise=noise, step=0.0005
@@ -88,7 +88,7 @@ def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
 
 def test_a_batch_is_its_flights_one_by_one():
     starts = launches(BLOCK + 3)
-    clock = make_clock(policy(), 50.0)
+    clock = _make_clock(policy(), 50.0)
     noise = draw_noise(len(starts), clock.commands)
     many = fly(
         NOMINAL, policy(), starts, command_rate=50.0, noise=noise, keep_paths=True
@@ -251,7 +251,7 @@ def assert_same(one, other):
 
 
 def test_a_sweep_does_not_depend_on_its_workers():
-    flights = CHUNK + 100
+    flights = _CHUNK + 100
     alone = sweep(fly_near, flights, seed=1)
     assert len(alone) == len(alone.perched) == flights
     with joblib.parallel_config(backend="threading", n_jobs=2):
@@ -283,7 +283,7 @@ def test_a_policy_can_go_to_another_process():
 
 
 def test_noise_makes_flights_worse():
-    starts, clock = launches(300, {}), make_clock(policy(), 50.0)
+    starts, clock = launches(300, {}), _make_clock(policy(), 50.0)
     deviations = (0.002, 0.002, 0.01, 0.01, 0.1, 0.1, 0.2)
     rng = np.random.default_rng(0)
     noise = rng.normal(size=(300, clock.commands, 7)) * deviations

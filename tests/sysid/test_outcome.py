@@ -46,7 +46,6 @@ def with_function(task, model, name):
     return types.SimpleNamespace(
         model=model,
         nearest={},
-        found_by={},
         evidence={name: 50.0},
         weighed={name: types.SimpleNamespace(inclusion=1.0, rivals=())},
         rivals=(),

@@ -12,12 +12,8 @@ from glider.progress import Step
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import PERFECT
-from glider.sysid.search.moves import MOVES
-from glider.sysid.search.tracing import EARLIER
 from tests.campaign.checks.breaking import change, scale
-from tests.helpers.answers import assert_same_answer
 from tests.helpers.campaigns import campaign_path, first_flights
-from tests.helpers.own_kinds import FLAP
 from tests.helpers.tasks import fly
 
 
@@ -59,7 +55,6 @@ def test_attached_lift_is_named_with_its_coefficients(few):
     (effect,) = few.effects
     assert effect.evidence > 100.0
     assert effect.inclusion == 1.0
-    assert effect.found_by in MOVES
     assert effect.share_of_residual > 0.9
     assert effect.shape == "library" and effect.spread_over_flights == {}
     assert few.spreads == {}
@@ -103,29 +98,6 @@ def test_the_model_file_holds_the_effect(few):
     assert effect.kind is KINDS["attached_lift"]
     assert effect.to_dict()["slope"] == few.effects[0].coefficients["slope"].value
     assert few.model.free_functions == ()
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_a_run_that_begins_with_fewer_flights_gives_the_same_answer(few):
-    campaign, flights = campaign_path("attached_lift"), first_flights(10)
-    found = close_the_loop(campaign, flights=flights, earlier=few)
-    assert found.effects[0].found_by == EARLIER
-    assert found.settings["earlier"] == [*few.flights.fit]
-    assert_same_answer(found, close_the_loop(campaign, flights=flights))
-
-
-@pytest.mark.parametrize(
-    ("name", "more", "found"),
-    [
-        ("head_wind", {}, "the earlier result's campaign is .*attached_lift"),
-        ("attached_lift", {"effects": ["wind"]}, "list of effects to try is None"),
-        ("attached_lift", {"own_effects": (FLAP,)}, "list of own effects is "),
-    ],
-)
-def test_an_earlier_result_of_other_input_is_refused(few, name, more, found):
-    with pytest.raises(InputError, match=found):
-        close_the_loop(campaign_path(name), earlier=few, **more)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.scales import CEILING
-from glider.sysid.verdict import BOUNDED, elevator_gain, find_doubt
+from glider.sysid.verdict import _BOUNDED, elevator_gain, find_doubt
 from tests.campaign.checks import breaking as b
 from tests.helpers.tasks import fit_kinds, fly, task_of
 
@@ -29,7 +29,7 @@ def test_a_model_that_explains_the_flights_is_believed(fitted):
     assert 0.0 < error < 0.01
 
 
-@pytest.mark.parametrize("name", BOUNDED)
+@pytest.mark.parametrize("name", _BOUNDED)
 def test_a_scale_at_its_ceiling_is_no_throw(fitted, name):
     task, model = fitted
     scales = dataclasses.replace(model.scales, **{name: getattr(CEILING, name)})

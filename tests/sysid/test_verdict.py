@@ -20,7 +20,7 @@ from glider.sysid.result import (
     Residual,
     RolloutErrors,
 )
-from glider.sysid.verdict import changes_baseline_alone, judge, with_excluded
+from glider.sysid.verdict import _changes_baseline_alone, judge, with_excluded
 
 RIGHT = Signs()
 
@@ -339,7 +339,7 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
 )
 def test_only_the_plates_own_numbers_are_of_the_plate(kinds, functions, expected):
     model = types.SimpleNamespace(kinds=kinds, functions=functions)
-    assert changes_baseline_alone(model) is expected
+    assert _changes_baseline_alone(model) is expected
 
 
 def test_all_verdicts_have_been_seen():

@@ -19,10 +19,10 @@ from glider.files import schema
 from glider.files.writing import replace_file, write_text
 from glider.report.wording import counted
 
-MOST_BYTES = 200_000_000
+_MOST_BYTES = 200_000_000
 """Size of a take that is dropped; a Motive export of ten minutes has 100 MB."""
 
-MOST_TAKES = 500
+_MOST_TAKES = 500
 
 _NAME = re.compile(r"\w[\w .()+-]{0,118}")
 
@@ -231,8 +231,8 @@ async def save_take(watched: Watched, name: str, parts: AsyncIterator[bytes]) ->
     path = watched.path / name
     if not (watched.is_open or watched.has_takes):
         raise InputError("This session's throws are its own; expected no takes.")
-    if path.exists() or len(taken) >= MOST_TAKES:
-        why = "exists" if path.exists() else f"is one more than {MOST_TAKES}"
+    if path.exists() or len(taken) >= _MOST_TAKES:
+        why = "exists" if path.exists() else f"is one more than {_MOST_TAKES}"
         raise InputError(f"{show(name)}: {why}; expected a new take.")
     part = watched.kept / f"upload-{secrets.token_hex(8)}"
     size = 0
@@ -240,10 +240,10 @@ async def save_take(watched: Watched, name: str, parts: AsyncIterator[bytes]) ->
         with part.open("wb") as file:
             async for data in parts:
                 size += len(data)
-                if size > min(MOST_BYTES, shutil.disk_usage(watched.kept).free // 2):
+                if size > min(_MOST_BYTES, shutil.disk_usage(watched.kept).free // 2):
                     raise InputError(
                         f"{show(name)}: is too large; expected at most "
-                        f"{MOST_BYTES // 1_000_000} MB, and room for it on the disk."
+                        f"{_MOST_BYTES // 1_000_000} MB, and room for it on the disk."
                     )
                 file.write(data)
         expect(size > 0, "a take", "nothing", "a file with rows")

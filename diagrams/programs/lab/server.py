@@ -56,7 +56,7 @@ _PERIOD = 0.2
 _AFTER_FAULT = 5.0
 """The same after a fault [s]: whatever fails again does not fill the terminal."""
 
-LONGEST_MAP = 100_000
+_LONGEST_MAP = 100_000
 """Characters of a map."""
 
 _MAP_CHOICES = {
@@ -324,7 +324,7 @@ async def _small_text(request: Request) -> str:
     data = b""
     async for part in request.stream():
         data += part
-        if len(data) > LONGEST_MAP:
+        if len(data) > _LONGEST_MAP:
             raise HTTPException(413, "The map is too long.")
     return data.decode(errors="replace")
 

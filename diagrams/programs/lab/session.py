@@ -43,7 +43,7 @@ from glider.sysid.fit.prediction import RolloutModel
 _RETRIES = 1
 """Times that a trace is tried again in a session whose process died, or failed."""
 
-SLOW = 3.0
+_SLOW = 3.0
 """Time after which reading a first throw means that code is compiled for it [s]: where
 it is compiled already, a first throw was drawn after 2.4 s."""
 
@@ -113,7 +113,7 @@ class LabSession:
     def doing(self) -> str:
         """What is done in the background; "" for nothing."""
         flying = self.launches.doing if self.launches else ""
-        is_slow = time.monotonic() > self._looking_since + SLOW
+        is_slow = time.monotonic() > self._looking_since + _SLOW
         is_first = self._looking and is_slow and not self._has_drawn
         compiling = "reading the first throw (compiling once, about a minute)"
         job = self._worker.job

@@ -7,7 +7,6 @@ import traceback
 from collections.abc import Iterable
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from diagrams.programs.lab.assistant import MapJob
 from diagrams.programs.lab.folder import joint_digest, limits_of, throw_digests
@@ -16,14 +15,8 @@ from diagrams.programs.station.processes import end_with
 from glider.errors import InputError
 from glider.report.wording import counted
 
-if TYPE_CHECKING:
-    from glider.sysid.result import Result
-
 _NICENESS = 10
 """Of the process: what flies, and the page, go first."""
-
-_LAST: dict[Path, "Result"] = {}
-"""Of this process: campaign to its last result, with whose model the next begins."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -85,9 +78,7 @@ class Job:
         campaign = load_campaign(self.folder, flights=self.flights)
         if not self._is_there:
             raise InputError("The throws changed while they were read.")
-        earlier = _LAST.get(self.folder)
-        result = close_the_loop(campaign, flights=self.flights, earlier=earlier)
-        _LAST[self.folder] = result
+        result = close_the_loop(campaign, flights=self.flights)
         write_report(result, self.out)
         return trace_of(result.report, headline(result), self.sha256)
 

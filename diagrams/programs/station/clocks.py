@@ -2,7 +2,7 @@
 
 from collections import deque
 
-WINDOW = 2.0
+_WINDOW = 2.0
 """Time over which the soonest frame counts [s]: longer than a flight, so that no delay
 in flight moves the clock. Clocks that drift by 200 ppm move by 0.4 ms meanwhile."""
 
@@ -15,7 +15,7 @@ class CameraClock:
     """Converts times of frames to our clock.
 
     The frame that came soonest shows the clocks' difference: nothing else takes the
-    least latency. Only usable frames count, and for WINDOW only: one that is wrong is
+    least latency. Only usable frames count, and for a while only: one that is wrong is
     forgotten, and a camera that was started again is followed after as long.
 
     Args:
@@ -30,7 +30,7 @@ class CameraClock:
     def to_ours(self, stamp: float, received: float) -> float:
         """When a frame was exposed, by our clock [s], from its stamp and reception."""
         delay = received - stamp
-        while self._delays and self._delays[0][0] < received - WINDOW:
+        while self._delays and self._delays[0][0] < received - _WINDOW:
             self._delays.popleft()
         least = self._delays[0][1] if self._delays else delay
         return stamp + least - self._latency

@@ -20,7 +20,7 @@ KEYS = "space or any key stops, Enter arms again, Ctrl-C ends"
 
 
 @contextlib.contextmanager
-def keyboard() -> Iterator[Callable[[], str]]:
+def _keyboard() -> Iterator[Callable[[], str]]:
     """Yields what reads the keys pressed, "" for none; only on a terminal of ours.
 
     One of which this is a program in the background would stop us for asking.
@@ -66,7 +66,7 @@ def run_station(
         print("No real-time priority: other programs may delay commands (ulimit -r).")
     with Ending() as ending:
         try:
-            with keyboard() as pressed:
+            with _keyboard() as pressed:
                 while throws is None or len(station.throws) < throws:
                     station.bus.rest_until(station.tick())
                     if key := pressed():

@@ -42,12 +42,12 @@ from glider.simulation.fly import STEP
 _REST = 0.35
 """Time at rest before a throw and after it [s]."""
 
-LATE = 1.5
+_LATE = 1.5
 """Delay of a frame that comes after the next one, in frames."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Landing:
+class _Landing:
     """How a throw ended, in truth."""
 
     miss: float  #: Least distance from the wire [m].
@@ -96,7 +96,7 @@ class Cameras:
             return
         delay = cameras.latency + rng.exponential(cameras.jitter)
         if rng.random() < cameras.late:
-            delay += LATE / self.rate
+            delay += _LATE / self.rate
         stamp = now * (1.0 + cameras.clock_drift) + cameras.clock_offset
         frame = (now + delay, self._count, stamp, tuple(seen.tolist()))
         heapq.heappush(self._coming, frame)
@@ -154,7 +154,7 @@ class SimulatedGlider:
         self._ready = math.nan  # Since when the station is.
         self.released = math.inf  #: Time of the next release, or of the last [s].
         self._miss = math.inf
-        self.landings: list[Landing] = []
+        self.landings: list[_Landing] = []
         self._place()
         self._advance_flight(2.0 * STEP, 0.0)  # Compiles.
         self._place()
@@ -255,7 +255,7 @@ class SimulatedGlider:
         low = self._state[POSITION[1]] < self._problem.z_limits[0]
         if not (taken or low or self._time > self.released + 2.0):
             return
-        self.landings.append(Landing(miss=self._miss, perched=taken))
+        self.landings.append(_Landing(miss=self._miss, perched=taken))
         self._state = arrivals[0].copy() if taken else before
         self._landed = self._time
 

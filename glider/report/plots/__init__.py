@@ -1,5 +1,5 @@
-"""Figures, specified once and drawn for a page or a file.
+"""Figures of pages, as data.
 
 figure: what a figure is made of. style: colours, dashes, names. binning: what many
-points become. as_file: pictures.
+points become.
 """

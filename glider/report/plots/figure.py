@@ -1,6 +1,6 @@
 """A figure, specified once: panels of lines, bands and points, with their axes.
 
-`as_page` makes of it what `static/page.js` draws, `as_file` a picture. A mark has the
+`as_page` makes of it what `static/page.js` draws. A mark has the
 colour, width and dash of its key (see `style`), which is also its legend entry. Texts
 are plain, but for symbols with a subscript: "$C_n$". `hover` is what is said of a point
 under the cursor, a template with plotly's placeholders.
@@ -113,7 +113,7 @@ class Panel:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Choice:
-    """Panels that are shown on request, or from the start; a file has the latter."""
+    """Panels that are shown on request, or from the start."""
 
     label: str
     note: str
@@ -128,17 +128,5 @@ class Figure:
     keys: Mapping[str, str] = dataclasses.field(default_factory=dict)  #: To labels.
     panels: Sequence[Panel] = ()  #: That are always shown.
     choices: Sequence[Choice] = ()  #: Of which the reader of a page shows some.
-    columns: int = 3  #: In a file; a page has as many as it has space for.
     flights: Sequence[str] = ()  #: Of which the reader of a page may pick one.
     least_width: float = 18.5  #: Of a panel of a page, in its letters [rem].
-
-    @property
-    def every(self) -> list[Panel]:
-        """All panels, those to choose from among them."""
-        return [*self.panels, *(panel for c in self.choices for panel in c.panels)]
-
-    @property
-    def shown(self) -> list[Panel]:
-        """Panels that are shown at first."""
-        chosen = [panel for c in self.choices if c.is_shown for panel in c.panels]
-        return [*self.panels, *chosen]

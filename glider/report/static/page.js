@@ -269,8 +269,9 @@ function drawFigures({ figures, columns }, signal) {
     displaylogo: false,
     responsive: true,
     showSendToCloud: false,  // Nothing leaves the page.
+    toImageButtonOptions: { format: "svg" },
     displayModeBar: isTouch ? true : "hover",
-    modeBarButtonsToRemove: ["select2d", "lasso2d", "toImage", "sendDataToCloud", "sendChartToCloud", ...(isTouch ? ["zoom2d"] : [])],
+    modeBarButtonsToRemove: ["select2d", "lasso2d", "sendDataToCloud", "sendChartToCloud", ...(isTouch ? ["zoom2d"] : [])],
   };
 
   const drawn = [...document.querySelectorAll("[data-figure]")]

@@ -1,7 +1,7 @@
 """Directions in which a model may be wrong, each a column of a flight's errors."""
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -61,14 +61,3 @@ def starts_of(
         starts = itertools.chain.from_iterable(grids)
         return [[Direction(kind.kind, i, v - float(theta[i]))] for i, v in starts]
     return [slopes(space, sizes, shapes) for shapes in itertools.product(*grids)]
-
-
-def nearest_start(
-    space: ParameterSpace, starts: Sequence[Sequence[Direction]], theta: np.ndarray
-) -> int:
-    """Index of the start whose shapes are nearest to those of theta."""
-    apart = [
-        sum(abs(v - theta[i]) / space.scale[i] for i, v in columns[0].shapes)
-        for columns in starts
-    ]
-    return int(np.argmin(apart))

@@ -27,7 +27,7 @@ from glider.sysid.replay.record import Record
 _FAR = 3.0  # Standard deviations beyond which no constant or gust of a flight is found.
 
 
-class WhitenedFlight(NamedTuple):
+class _WhitenedFlight(NamedTuple):
     """A flight whitened."""
 
     innovations: np.ndarray  #: (K + 1, C, m) over their standard deviations.
@@ -78,13 +78,13 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
 
 def whiten(
     flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
-) -> WhitenedFlight:
+) -> _WhitenedFlight:
     """Filters a flight; the start's variances are given where they are others."""
     return _whitened(_filter(flight.whole(), scales, start))
 
 
-def _whitened(arrays: FilterArrays) -> WhitenedFlight:
-    return WhitenedFlight(arrays.innovations, np.log(arrays.variances))
+def _whitened(arrays: FilterArrays) -> _WhitenedFlight:
+    return _WhitenedFlight(arrays.innovations, np.log(arrays.variances))
 
 
 def _filter(
@@ -121,20 +121,20 @@ def _filter(
     return arrays
 
 
-class Smoothed(NamedTuple):
+class _Smoothed(NamedTuple):
     """What all rows of a flight of one column say of it."""
 
     start: np.ndarray  #: (n + 8,) deviations at the first node, then the constants.
     gusts: np.ndarray  #: (K, 2) mean velocities of the moving air in intervals [m/s].
 
 
-def smooth(flight: LinearFlight, scales: Scales) -> Smoothed:
+def smooth(flight: LinearFlight, scales: Scales) -> _Smoothed:
     """Smooths a flight of one column, its error."""
     arrays = _filter(flight, scales, smoothed=len(flight.record.time))
     adjoint = np.zeros(len(flight.start))
     smooth_flight(adjoint, *arrays)
     gusts = arrays.airs[:, :, -1]
-    return Smoothed(arrays.start * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
+    return _Smoothed(arrays.start * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
 
 
 def excludes(scales: Scales, about: Surroundings) -> bool:

@@ -172,7 +172,7 @@ def fit_model(
 ) -> FitResult:
     """Fits a model's free parameters, its functions and its scales.
 
-    And the strengths of its functions if asked, see `fit_strength`. It stops where
+    And the strengths of its functions if asked, see `_fit_strength`. It stops where
     another gain as large as the last would leave the cost above `most`.
     """
     best = None
@@ -241,7 +241,7 @@ def fit_model(
         return best
     flights = flights if current is best else []
     now = []
-    return fit_strength(task, best, flights or None)
+    return _fit_strength(task, best, flights or None)
 
 
 def grams_of(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
@@ -272,7 +272,7 @@ def in_surroundings(
     return dataclasses.replace(model, about=about)
 
 
-def fit_strength(
+def _fit_strength(
     task: Task, model: FitResult, flights: Sequence[LinearFlight] | None = None
 ) -> FitResult:
     """Returns the model with the prior strengths of functions that the flights show.

@@ -32,7 +32,7 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
         return {}
     squares = mean_squares(task, noise)
     ratios = squares / np.median(squares)
-    places = np.flatnonzero(stand_out(squares)).tolist()
+    places = np.flatnonzero(_stand_out(squares)).tolist()
     return {task.records[i].name: float(ratios[i]) for i in places}
 
 
@@ -59,10 +59,10 @@ def find_unexplained(task: Task, model: FitResult) -> list[str]:
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         squares = np.array([np.sum(own.innovations**2) for own in found]) / counts
     squares = np.maximum(np.nan_to_num(squares, nan=np.inf), _LEAST_SQUARE)
-    return [task.records[i].name for i in np.flatnonzero(stand_out(squares)).tolist()]
+    return [task.records[i].name for i in np.flatnonzero(_stand_out(squares)).tolist()]
 
 
-def stand_out(squares: np.ndarray) -> np.ndarray:
+def _stand_out(squares: np.ndarray) -> np.ndarray:
     """Finds the mean squares (flights,) that are out of line with the others.
 
     Logarithms are compared, since an error common to all flights scales the squares.

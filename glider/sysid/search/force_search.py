@@ -24,7 +24,7 @@ from glider.sysid.search.support import SearchResult, weigh
 _OF_MOMENT = ("pitch_inertia", "wing_offset")
 # Scales that are estimated from the forces: errors of the moment, whose formula is
 # rougher, must not turn the flights' axes or their winds.
-OF_FORCES = ("wind", "trim", "pitch_zero")
+_OF_FORCES = ("wind", "trim", "pitch_zero")
 _ROUNDS = 4  # Of sets and strengths of errors that depend on each other.
 
 
@@ -61,7 +61,6 @@ def search_forces(
         evidence=score.lost(members),
         weighed=weighed,
         alone=alone,
-        combinations=score.ranked(),
         threshold=HELD_OUT,
         forces=model,
     )
@@ -88,10 +87,10 @@ def _with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
     """Returns a model of forces with its moment fitted, and all scales."""
     slots = _slots_of_moment(task)
     free = tuple(i for i in task.vehicle.nuisance if i in slots)
-    kept = {name: getattr(model.scales, name) for name in OF_FORCES}
+    kept = {name: getattr(model.scales, name) for name in _OF_FORCES}
     scales = dataclasses.replace(start_scales(noise), **kept)
     start = dataclasses.replace(model, free=free, scales=scales, has_force_errors=False)
-    others = [name for name in NAMES if name not in OF_FORCES]
+    others = [name for name in NAMES if name not in _OF_FORCES]
     fitted = fit_model(task, start, free_scales=others)
     return dataclasses.replace(fitted, free=model.free)
 

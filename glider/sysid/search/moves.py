@@ -20,7 +20,7 @@ from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.subsets import Members, best_of_sizes, climb
 from glider.sysid.search.support import Search
 
-Move = Callable[[Search, FitResult], FitResult | None]
+_Move = Callable[[Search, FitResult], FitResult | None]
 
 
 def best(search: Search, model: FitResult) -> FitResult | None:
@@ -41,7 +41,7 @@ def best(search: Search, model: FitResult) -> FitResult | None:
     return search.better(model, score, [outstanding, members], first=True)
 
 
-def pruned(search: Search, model: FitResult) -> FitResult | None:
+def _pruned(search: Search, model: FitResult) -> FitResult | None:
     """The model without effects that do not reach their thresholds."""
     shown = shown_by(search.task, model)
     found = model
@@ -80,7 +80,7 @@ def shown_by(task: Task, model: FitResult) -> dict[str, float]:
     return found
 
 
-def with_mean(search: Search, model: FitResult) -> FitResult | None:
+def _with_mean(search: Search, model: FitResult) -> FitResult | None:
     """The model with the mean of per-flight constants that is not zero."""
     task = search.task
     own = flight_values(error_flights(task, model), model.scales)
@@ -149,7 +149,7 @@ def nearest_of(search: Search, model: FitResult) -> dict[str, str]:
     return found
 
 
-def with_another(search: Search, model: FitResult) -> FitResult | None:
+def _with_another(search: Search, model: FitResult) -> FitResult | None:
     """The model with an effect that first order undervalues, added or exchanged."""
     if (score := search.near(model)) is None:
         return None
@@ -194,12 +194,12 @@ def reshaped(search: Search, model: FitResult) -> FitResult | None:
     return None
 
 
-MOVES: dict[str, Move] = {
+MOVES: dict[str, _Move] = {
     "best set": best,
-    "mean over flights": with_mean,
-    "prune": pruned,
+    "mean over flights": _with_mean,
+    "prune": _pruned,
     "formula of a free function": renamed,
-    "another effect": with_another,
+    "another effect": _with_another,
     "other shapes": reshaped,
 }
 """Tried in turn until none finds a model that is worth more."""

@@ -4,7 +4,7 @@ import copy
 import dataclasses
 import functools
 import heapq
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable
 from itertools import combinations
 from math import log
 
@@ -15,7 +15,7 @@ from glider.sysid import constants
 from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, Member
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.result import Combination, EvidenceThreshold
+from glider.sysid.result import EvidenceThreshold
 
 Members = tuple[Member, ...]
 
@@ -74,14 +74,6 @@ class Scorer:
                 left = climb(self.among([name for name, _ in others]), ())
             found[kind] = self.gain(members) - self.gain(left)
         return found
-
-    def ranked(self) -> tuple[Combination, ...]:
-        """Returns the kinds of all sets that were scored, best first."""
-        best: dict[tuple[str, ...], float] = {}
-        for members in self._kept:
-            kinds = tuple(sorted(kind for kind, _ in members))
-            best[kinds] = max(best.get(kinds, -np.inf), self(members))
-        return ranked(best)
 
     def by_first(self, kinds: Iterable[str]) -> Members:
         """Returns the set of some kinds, each by its first variant."""
@@ -178,7 +170,7 @@ def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> 
     task = candidates.task
     if candidates.model.has_force_errors:
         thresholds = {
-            kind: held_out_threshold(task, kind) for kind in candidates.variants
+            kind: _held_out_threshold(task, kind) for kind in candidates.variants
         }
         held_out = HeldOutEvidence(candidates, grams, counts)
         return Scorer(candidates, held_out, lambda kind, kinds: thresholds[kind])
@@ -186,7 +178,7 @@ def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> 
     return Scorer(candidates, evidence, functools.partial(threshold_of, task))
 
 
-def held_out_threshold(task: Task, kind: str) -> float:
+def _held_out_threshold(task: Task, kind: str) -> float:
     """Returns the gain that an effect must bring on held-out flights [nats]."""
     slots = task.space.slots_of(kind)
     sizes = sum(i not in task.space.shapes for i in slots)
@@ -218,12 +210,6 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
 def _columns_of(members: Members) -> list[int]:
     """Returns the columns of a set."""
     return [column for _, variant in members for column in variant]
-
-
-def ranked(gains: Mapping[tuple[str, ...], float]) -> tuple[Combination, ...]:
-    """Returns sets by their gains [nats], best first, but for those that diverge."""
-    found = [Combination(*own) for own in gains.items() if own[0] and own[1] > -np.inf]
-    return tuple(sorted(found, key=lambda own: -own.evidence))
 
 
 def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:

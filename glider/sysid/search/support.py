@@ -18,7 +18,7 @@ from glider.sysid.likelihood.candidates import (
 )
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.result import Combination, EvidenceThreshold
+from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer, climb, scorer_of, threshold_of
 
 # Sets of flights: the most where in doubt.
@@ -36,18 +36,11 @@ class Search:
     #: Sets whose fits stopped far behind a rival, and the cost that was too much.
     stopped: dict[frozenset[str], float] = dataclasses.field(default_factory=dict)
     alone: dict[str, float] = dataclasses.field(default_factory=dict)
-    found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
     #: Effects whose shapes were searched again, and the sets in which they were.
     reshaped: set[tuple[str, frozenset[str]]] = dataclasses.field(default_factory=set)
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
     #: Formulas about a model in all flights; functions may be offered beside them.
     _formulas: tuple[Any, ...] = (None, None, None)
-
-    @property
-    def finished(self) -> list[FitResult]:
-        """All fits but those that stopped far behind a rival."""
-        limits = self.stopped.get
-        return [m for key, m in self.fitted.items() if np.isinf(limits(key, np.inf))]
 
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
@@ -265,10 +258,8 @@ class SearchResult:
     evidence: dict[str, float]  #: Kind to the evidence lost without it [nats].
     weighed: dict[str, EffectSupport]  #: Kind to its support.
     alone: dict[str, float]  #: Evidence as the only effect, to first order [nats].
-    combinations: tuple[Combination, ...]  #: Sets that were fitted, best first.
     #: Free function to the library's formula that explains it.
     nearest: dict[str, str] = dataclasses.field(default_factory=dict)
-    found_by: dict[str, str] = dataclasses.field(default_factory=dict)  #: Move by kind.
     #: Models of sets that are nearly as likely, and the evidence that they lack [nats].
     rivals: tuple[tuple[FitResult, float], ...] = ()
     threshold: EvidenceThreshold  #: Of evidence, below which an effect is not taken.

@@ -5,8 +5,7 @@ sets are proposed in closed form and fitted, until no move finds one. What resam
 flights do not support is dropped, and the loop goes on without it.
 """
 
-import dataclasses
-from collections.abc import Collection, Generator, Iterator, Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from glider.sysid.replay.record import Noise
 from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search import moves
 from glider.sysid.search.force_search import search_forces
-from glider.sysid.search.subsets import climb, ranked, scorer_of, threshold_of
+from glider.sysid.search.subsets import climb, scorer_of, threshold_of
 from glider.sysid.search.support import (
     EffectSupport,
     Search,
@@ -31,106 +30,48 @@ from glider.sysid.search.support import (
 
 _FIRST = ("best set",)  # Moves among effects that are new to the search.
 
-EARLIER = "earlier flights"
-"""In the place of a move: the effect was there when the search began."""
-
 
 def trace(
-    task: Task,
-    noise: Noise,
-    rng: np.random.Generator,
-    progress: Progress,
-    earlier: FitResult | None = None,
+    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
 ) -> SearchResult:
-    """Finds the effects that the flights show.
-
-    If there is the model of an earlier search, and no move improves on it when it is
-    fitted to these flights, that is the answer; else the search begins at the nominal
-    model. It is not used where mass or areas are unknown.
-    """
+    """Finds the effects that the flights show."""
     if not task.vehicle.knows_forces:
         return search_forces(task, noise, rng, progress)
     search = Search(task, progress)
-    start = start_of(task, noise)
-    model = _resumed(search, start, earlier) if earlier else None
-    if model is None:
-        search = Search(task, progress)
-        *_, model = start, *searched(search, start)
+    model = _searched(search, start_of(task, noise))
     progress(Step("weighing the effects", 0.76))
     model, evidence, weighed = supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
     bare = search.fit(model.without(task, *model.kinds))
-    least = search.penalized_cost(bare)
-    costs = {m.kinds: search.penalized_cost(m) for m in search.finished}
     return SearchResult(
         model=model,
         bare=bare,
         evidence=evidence,
         weighed=weighed,
         alone=search.alone,
-        combinations=ranked({kinds: least - cost for kinds, cost in costs.items()}),
         nearest=moves.nearest_of(search, model),
-        found_by={kind: search.found_by.get(kind, "") for kind in model.kinds},
         rivals=rivals_of(search, model, weighed),
         threshold=EvidenceThreshold(effect=threshold_of(task, "", model.kinds)),
     )
 
 
-def _resumed(search: Search, start: FitResult, earlier: FitResult) -> FitResult | None:
-    """Returns an earlier model fitted to other flights, unless a move improves on it.
+def _searched(search: Search, model: FitResult) -> FitResult:
+    """Returns the best model: of formulas, of free functions too, of all effects.
 
-    Effects are compared about the start first, for what each is worth alone.
+    No move betters it with effects that are tried early, nor the best set with all.
     """
     task = search.task
-    if not task.offered.issuperset(earlier.kinds):
-        return None
-    search.task = without_late(task)
-    search.near(start)
-    search.task = task
-    model = search.fit(_begun_from(task, earlier))
-    search.found_by = dict.fromkeys(model.kinds, EARLIER)
-    return None if next(searched(search, model), None) else model
-
-
-def _begun_from(task: Task, earlier: FitResult) -> FitResult:
-    """Returns the model of an earlier search of other flights, not fitted yet.
-
-    Free functions begin at zero: their Gaussians are where these flights are.
-    """
-    free = list(task.free(earlier.kinds))
-    theta = task.vehicle.theta.copy()
-    theta[free] = np.clip(earlier.theta[free], *task.bounds(free))
-    functions = tuple(
-        dataclasses.replace(task.functions[own.name], strength=own.strength)
-        for own in earlier.functions
-    )
-    return FitResult(
-        kinds=earlier.kinds,
-        theta=theta,
-        free=tuple(free),
-        functions=functions,
-        scales=earlier.scales,
-    )
-
-
-def searched(search: Search, model: FitResult) -> Iterator[FitResult]:
-    """Yields better models: of formulas, of free functions too, of all effects.
-
-    No move betters the last one with effects that are tried early, nor the best set
-    with all.
-    """
-    task = search.task
-    early = without_late(search.task, model.kinds)
-    if not model.kinds:  # A formula's own free function would come before it.
-        search.task = early.offering(early.kinds)
-        model = yield from _improvements(search, model, _FIRST)
+    early = without_late(task)
+    # A formula's own free function would come before it.
+    search.task = early.offering(early.kinds)
+    model = improved(search, model, _FIRST)
     search.task = early
-    model = yield from _improvements(search, model)
-    if early is not task:
-        search.task = task
-        late = yield from _improvements(search, model, _FIRST)
-        if late is not model:
-            yield from _improvements(search, late)
+    model = improved(search, model)
+    if early is task:
+        return model
+    search.task = task
+    late = improved(search, model, _FIRST)
+    return model if late is model else improved(search, late)
 
 
 def rivals_of(
@@ -164,27 +105,19 @@ def rivals_of(
     return tuple(found[:FOLLOWED])
 
 
-def _improvements(
+def improved(
     search: Search, model: FitResult, names: Collection[str] = moves.MOVES
-) -> Generator[FitResult, None, FitResult]:
-    """Yields better models until none of the moves finds one; returns the last."""
-    while True:
+) -> FitResult:
+    """Returns the model that none of the moves betters."""
+    better: FitResult | None = model
+    while better:
+        model = better
         for name in names:
             search.progress(name)
-            if better := moves.MOVES[name](search, model):
-                new = set(better.kinds).difference(model.kinds)
-                search.found_by.update(dict.fromkeys(new, name))
-                yield better
-                model = better
+            better = moves.MOVES[name](search, model)
+            if better:
                 break
-        else:
-            return model
-
-
-def improved(search: Search, model: FitResult) -> FitResult:
-    """Returns the model that no move betters."""
-    *_, best = model, *_improvements(search, model)
-    return best
+    return model
 
 
 def supported(
@@ -208,7 +141,7 @@ def supported(
             model = grown(best)
             continue
         weighed = weigh(search.task, model, rng)
-        evidence = evidence_of(search.task, model, fewer)
+        evidence = _evidence_of(search.task, model, fewer)
         weak = weakest(weighed, evidence)
         if weak is None:
             return model, evidence, weighed
@@ -218,7 +151,7 @@ def supported(
         model = grown(search.fit(model.without(task, weak)))
 
 
-def evidence_of(
+def _evidence_of(
     task: Task, model: FitResult, fewer: Mapping[str, FitResult]
 ) -> dict[str, float]:
     """Returns the evidence lost without each effect, of models without them [nats].

@@ -15,9 +15,9 @@ from glider.sysid.likelihood.filtering import (
 )
 from glider.sysid.likelihood.linear_flight import Surroundings
 from glider.sysid.likelihood.model_fit import (
+    _fit_strength,
     error_flights,
     fit_model,
-    fit_strength,
     in_surroundings,
 )
 from glider.sysid.likelihood.uncertainty import uncertainty_of
@@ -211,7 +211,7 @@ def test_a_model_that_blows_up_is_never_the_best(windy):
     lost = fit_model(task, dataclasses.replace(start, theta=theta))
     assert lost.cost == np.inf
     freed = dataclasses.replace(with_drag(task, start), theta=theta, cost=0.0)
-    assert fit_strength(task, freed).cost == np.inf
+    assert _fit_strength(task, freed).cost == np.inf
 
 
 def with_drag(task, model, strength=1.0):
@@ -224,7 +224,7 @@ def with_drag(task, model, strength=1.0):
 def test_the_cost_of_other_strengths_is_that_of_a_refit():
     task, noise = task_of(fly(KINDS["induced_drag"](k=0.03), flights=4))
     model = fit_model(task, with_drag(task, begin(task, noise), 5.0), iterations=15)
-    other = fit_strength(task, model)
+    other = _fit_strength(task, model)
     assert other.functions[0].strength < 4.0
     before = fit_model(task, model, iterations=0, free_scales=())
     again = fit_model(task, other, free_scales=())
@@ -318,12 +318,12 @@ def test_the_volume_of_the_prior_that_effects_do_not_fill_counts_against_them():
     """Cost and freedom are the evidence of a set that is linear: ½ log |A| / |Λ|."""
     task, noise = task_of(fly(KINDS["profile_drag"](cd0=0.05), flights=4))
     model = fit_model(task, begin(task, noise, ("profile_drag", "wind")))
-    assert fit_strength(task, begin(task, noise)).freedom == 0.0
+    assert _fit_strength(task, begin(task, noise)).freedom == 0.0
     known = uncertainty_of(task, model)
     slots = [s for k in model.kinds for s in task.space.slots_of(k)]
     places = [known.free.index(slot) for slot in slots]
     own = known.likelihood[np.ix_(places, places)]
     spreads = task.priors(slots, model.theta)[1] ** -0.5
     expected = np.log(spreads).sum() - 0.5 * np.linalg.slogdet(own)[1]
-    assert fit_strength(task, model).freedom == pytest.approx(expected, rel=1e-4)
+    assert _fit_strength(task, model).freedom == pytest.approx(expected, rel=1e-4)
     assert expected > 6.0

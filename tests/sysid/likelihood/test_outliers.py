@@ -8,11 +8,11 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.outliers import (
+    _stand_out,
     find_extreme,
     find_outlying,
     find_unexplained,
     mean_squares,
-    stand_out,
 )
 from tests.campaign.checks import breaking as b
 from tests.helpers.tasks import fit_kinds, fly, task_of
@@ -60,11 +60,11 @@ def test_few_flights_judge_no_other(campaign):
 
 def test_only_exceptions_stand_out():
     squares = np.exp(np.random.default_rng(0).normal(0.0, 0.1, 20))
-    assert not stand_out(squares).any()
+    assert not _stand_out(squares).any()
     squares[4] *= 10.0
-    assert list(np.flatnonzero(stand_out(squares))) == [4]
+    assert list(np.flatnonzero(_stand_out(squares))) == [4]
     squares[:7] *= 10.0
-    assert not stand_out(squares).any()
+    assert not _stand_out(squares).any()
 
 
 def test_flights_without_any_error_have_no_outliers(campaign, monkeypatch):

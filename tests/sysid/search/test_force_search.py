@@ -7,8 +7,8 @@ import pytest
 
 from glider.physics.effects import LIBRARY
 from glider.sysid.replay.replayed import trimmed
-from glider.sysid.search.force_search import OF_FORCES, search_forces
-from glider.sysid.search.subsets import HELD_OUT, held_out_threshold
+from glider.sysid.search.force_search import _OF_FORCES, search_forces
+from glider.sysid.search.subsets import HELD_OUT, _held_out_threshold
 from tests.helpers.lifelike import draw_throws
 from tests.helpers.tasks import task_of
 
@@ -43,7 +43,6 @@ def test_what_every_throw_has_is_named(traced):
     assert set(truth.named(found.model.kinds)) == {e.name for e in truth.effects}
     assert truth.wrong(found.model.kinds) == ()
     assert all(found.evidence[kind] > HELD_OUT.effect for kind in found.model.kinds)
-    assert found.combinations[0].evidence > 0.0
 
 
 @pytest.mark.slow
@@ -62,15 +61,15 @@ def test_the_moment_leaves_the_forces_and_the_flights_axes_alone(traced):
         "pitch_moment.coefficient",
         "pitch_damping.coefficient",
     }
-    for name in OF_FORCES:
+    for name in _OF_FORCES:
         assert getattr(model.scales, name) == getattr(forces.scales, name)
 
 
 def test_an_effect_that_needs_a_cause_costs_more(throws):
     task, *_ = throws
-    assert held_out_threshold(task, "camber") == HELD_OUT.effect
-    assert held_out_threshold(task, "thrust") == HELD_OUT.effect + HELD_OUT.uncommon
-    assert held_out_threshold(task, "marker_offset") == (
+    assert _held_out_threshold(task, "camber") == HELD_OUT.effect
+    assert _held_out_threshold(task, "thrust") == HELD_OUT.effect + HELD_OUT.uncommon
+    assert _held_out_threshold(task, "marker_offset") == (
         HELD_OUT.effect + HELD_OUT.coefficient + HELD_OUT.uncommon
     )
 

@@ -16,7 +16,7 @@ from glider.sysid.search import support, tracing
 from glider.sysid.search.moves import shown_by
 from glider.sysid.search.subsets import Scorer, scorer_of
 from glider.sysid.search.support import EffectSupport, Search, weakest, weigh
-from glider.sysid.search.tracing import evidence_of, rivals_of
+from glider.sysid.search.tracing import _evidence_of, rivals_of
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -63,9 +63,9 @@ def test_an_effect_without_which_a_model_diverges_has_evidence_all_the_same():
     drag, offered = KINDS["profile_drag"](cd0=0.05), ("profile_drag",)
     _, task, model = weighed(drag, *offered, offered=offered)
     worse = dataclasses.replace(model, cost=model.cost + 7.0)
-    assert evidence_of(task, model, {"profile_drag": worse}) == {"profile_drag": 7.0}
+    assert _evidence_of(task, model, {"profile_drag": worse}) == {"profile_drag": 7.0}
     lost = {"profile_drag": dataclasses.replace(model, cost=np.inf)}
-    assert evidence_of(task, model, lost) == shown_by(task, model)
+    assert _evidence_of(task, model, lost) == shown_by(task, model)
 
 
 def test_a_rival_is_fitted_in_an_effects_place():
@@ -131,7 +131,7 @@ def test_what_is_worth_less_than_an_unsupported_effect_does_not_take_its_place(
     monkeypatch.setattr(tracing, "improved", lambda search, model: other)
     monkeypatch.setattr(tracing.moves, "one_less", lambda search, model: {})
     evidence = dict.fromkeys((tilt, mass, thrust), 1.0)
-    monkeypatch.setattr(tracing, "evidence_of", lambda *rest: evidence)
+    monkeypatch.setattr(tracing, "_evidence_of", lambda *rest: evidence)
     for better, expected in ((other, other), (None, left)):
         worth = {(id(better), id(start))}
         monkeypatch.setattr(

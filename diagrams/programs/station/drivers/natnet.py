@@ -46,7 +46,7 @@ class Body:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class MocapFrame:
+class _MocapFrame:
     """A frame of Motive."""
 
     number: int
@@ -89,7 +89,7 @@ class _Reader:
         return count, size
 
 
-def parse_frame(data: bytes, version: tuple[int, int] = (4, 1)) -> MocapFrame | None:
+def _parse_frame(data: bytes, version: tuple[int, int] = (4, 1)) -> _MocapFrame | None:
     """Reads a packet; None if it is of another kind.
 
     Args:
@@ -134,10 +134,10 @@ def parse_frame(data: bytes, version: tuple[int, int] = (4, 1)) -> MocapFrame | 
         raise ValueError("a packet that is cut off") from None
     if not 0.0 <= time < _LONGEST:
         raise ValueError(f"a frame at {time:.3g} s")
-    return MocapFrame(number=number, time=time, bodies=bodies)
+    return _MocapFrame(number=number, time=time, bodies=bodies)
 
 
-def open_socket(group: str, port: int, interface: str) -> socket.socket:
+def _open_socket(group: str, port: int, interface: str) -> socket.socket:
     """Opens a UDP socket that receives a multicast group, or, for "", unicast."""
     receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -149,7 +149,7 @@ def open_socket(group: str, port: int, interface: str) -> socket.socket:
 
 
 def publish(
-    frame: MocapFrame, publisher: PosePublisher, body: int, elevator: int | None
+    frame: _MocapFrame, publisher: PosePublisher, body: int, elevator: int | None
 ) -> bool:
     """Publishes the glider of a frame; returns whether it was tracked."""
     glider = frame.bodies.get(body)
@@ -168,7 +168,7 @@ def numbers(text: str) -> list[float]:
     return [float(part) for part in text.split(",")]
 
 
-def join_signed(arguments: Sequence[str]) -> list[str]:
+def _join_signed(arguments: Sequence[str]) -> list[str]:
     """Joins a value such as -z to its option by "=", as argparse expects it."""
     found: list[str] = []
     for argument in arguments:
@@ -192,7 +192,7 @@ def receive(
     while True:
         data = receiver.recv(65536)
         try:
-            frame = parse_frame(data, version)
+            frame = _parse_frame(data, version)
         except ValueError as error:
             if not refused:
                 words = (
@@ -238,7 +238,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = "rigid body's origin ahead of and above the center of mass [m]"
     parser.add_argument("--point", type=numbers, default=[0.0] * 2, help=words)
     args = parser.parse_args(
-        join_signed(sys.argv[1:] if arguments is None else arguments)
+        _join_signed(sys.argv[1:] if arguments is None else arguments)
     )
     room = Room(
         up=args.up,
@@ -250,7 +250,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     publisher = PosePublisher(args.bus, room)
     try:
         major, minor = (int(part) for part in args.version.split(".")[:2])
-        receiver = open_socket(args.group, args.port, args.interface)
+        receiver = _open_socket(args.group, args.port, args.interface)
     except ValueError:
         raise InputError(
             f"--version is '{args.version}'; expected such as 4.1."

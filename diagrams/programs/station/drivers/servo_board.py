@@ -78,7 +78,7 @@ class ServoBoard:
         self._send(bytes([0x84, self._channel, target & 0x7F, target >> 7]))
 
 
-class SerialLine:
+class _SerialLine:
     """Writes to a serial port.
 
     What the port does not take is dropped, and one that was unplugged opened again.
@@ -144,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     limits = scenario.load_model().parameters.servo
     wire = Wire(limits, servo.neutral, servo.timeout, scenario.command_step)
     try:
-        send = SerialLine(args.serial)
+        send = _SerialLine(args.serial)
     except OSError as error:
         raise InputError(f"{args.serial}: cannot be opened ({error}).") from None
     board = ServoBoard(wire, send, args.channel, args.center, args.gain)

@@ -17,7 +17,7 @@ from diagrams.programs.lab.assistant import (
     with_map_field,
 )
 from diagrams.programs.lab.gate import Address
-from diagrams.programs.lab.server import LONGEST_MAP, make_app
+from diagrams.programs.lab.server import _LONGEST_MAP, make_app
 from diagrams.programs.lab.session import LabSession
 from glider.campaign.reader import load_campaign
 
@@ -248,14 +248,16 @@ def test_a_take_is_all_there_or_not_at_all(client, session, monkeypatch):
     assert again.status_code == 400 and "exists" in again.text
     assert (session.watched.path / "a.csv").read_text() == make_take()
     assert client.post("/takes/empty.csv", content="").status_code == 400
-    monkeypatch.setattr(assistant, "MOST_BYTES", 1000)
+    monkeypatch.setattr(assistant, "_MOST_BYTES", 1000)
     large = client.post("/takes/large.csv", content="x" * 1001)
     assert large.status_code == 400 and "too large" in large.text
-    monkeypatch.setattr(assistant, "MOST_TAKES", 1)
+    monkeypatch.setattr(assistant, "_MOST_TAKES", 1)
     assert client.post("/takes/b.csv", content="x").status_code == 400
     assert [path.name for path in session.watched.takes] == ["a.csv"]
     assert not list(session.watched.kept.glob("upload-*"))
-    assert client.post("/map/check", content="x" * (LONGEST_MAP + 1)).status_code == 413
+    assert (
+        client.post("/map/check", content="x" * (_LONGEST_MAP + 1)).status_code == 413
+    )
 
 
 def test_takes_are_not_for_the_stations_folder(client, session):

@@ -29,8 +29,8 @@ from diagrams.programs.station.bus import (
 )
 from diagrams.programs.station.drivers import servo_board
 from diagrams.programs.station.drivers.natnet import (
-    join_signed,
-    parse_frame,
+    _join_signed,
+    _parse_frame,
     publish,
     receive,
 )
@@ -113,7 +113,7 @@ def test_a_recorded_throw_comes_to_the_bus_as_it_was_flown(version):
     publisher = PosePublisher(bus, ROOM)
     packets, poses, times = capture(version)
     for packet in packets:
-        assert publish(parse_frame(packet, version), publisher, 1, 5)
+        assert publish(_parse_frame(packet, version), publisher, 1, 5)
         bus.handle()
     found = np.array(seen)
     assert found[:, 0] == pytest.approx(times, abs=1e-6)
@@ -126,11 +126,11 @@ def test_a_glider_that_is_not_tracked_is_no_pose():
     publisher = PosePublisher(bus, ROOM)
     bodies = {1: ((0, 0, 0), (0, 0, 0, 1))}
     packet = encode_frame(1, 1.0, bodies, (4, 1), tracked=False)
-    assert not publish(parse_frame(packet), publisher, 1, None)
+    assert not publish(_parse_frame(packet), publisher, 1, None)
     packet = encode_frame(1, 1.0, {1: ((0, 0, 0), (0, 0, 0, 0))}, (4, 1))
-    assert not publish(parse_frame(packet), publisher, 1, None)
-    assert not publish(parse_frame(packet), publisher, 2, None)
-    assert parse_frame(struct.pack("<HH", 5, 4) + b"abcd") is None
+    assert not publish(_parse_frame(packet), publisher, 1, None)
+    assert not publish(_parse_frame(packet), publisher, 2, None)
+    assert _parse_frame(struct.pack("<HH", 5, 4) + b"abcd") is None
 
 
 @given(st.data())
@@ -143,7 +143,7 @@ def test_damaged_packets_are_refused_in_a_sentence(data):
         )
     size = data.draw(st.integers(0, len(packet)))
     with contextlib.suppress(ValueError):
-        parse_frame(bytes(packet[:size]), version)
+        _parse_frame(bytes(packet[:size]), version)
 
 
 @given(st.floats(-1.5, 1.5), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
@@ -202,7 +202,7 @@ def test_a_room_that_cannot_be_is_refused(fields, message):
 
 def test_axes_with_a_minus_need_no_equals_sign():
     given = ["--forward", "-z", "--wire", "-1,0,2", "--body", "1", "--group="]
-    assert join_signed(given) == [
+    assert _join_signed(given) == [
         "--forward=-z",
         "--wire=-1,0,2",
         *("--body", "1", "--group="),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diagrams.programs.station.clocks import AHEAD, WINDOW, CameraClock
+from diagrams.programs.station.clocks import _WINDOW, AHEAD, CameraClock
 from diagrams.programs.station.scenario import Release, Scenario, Sensors
 from diagrams.programs.station.throw_log import _flight_of
 from diagrams.programs.station.tracker import CommandTape, ReleaseDetector, mean_rates
@@ -102,7 +102,7 @@ def test_a_clock_that_starts_again_is_followed():
     clock = CameraClock(0.0)
     clock.learn(1000.0, 10.0)
     assert clock.to_ours(0.0, 11.0) == -990.0
-    assert clock.to_ours(1.5, 10.0 + WINDOW + 0.5) == 10.0 + WINDOW + 0.5
+    assert clock.to_ours(1.5, 10.0 + _WINDOW + 0.5) == 10.0 + _WINDOW + 0.5
 
 
 def test_a_frame_stamped_ahead_does_not_move_the_clock():
@@ -118,7 +118,7 @@ def test_a_frame_stamped_ahead_does_not_move_the_clock():
         if clock.calc_lead(when, received) < AHEAD:
             clock.learn(stamp, received)
         errors.append(when - exposed)
-    after = np.delete(errors, 480)[math.ceil(120 * WINDOW) + 2 :]
+    after = np.delete(errors, 480)[math.ceil(120 * _WINDOW) + 2 :]
     assert np.max(np.abs(after)) < 1e-9
 
 

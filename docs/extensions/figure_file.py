@@ -1,4 +1,4 @@
-"""Figures as PNG files, drawn by matplotlib."""
+"""Figures of reports as PNG files, drawn by matplotlib."""
 
 import io
 import math
@@ -25,18 +25,18 @@ _LETTER = 5.2  # Width of a letter in points.
 _LINE = 13.0  # Height of a line of text in points.
 
 
-def to_png(figure: spec.Figure, dpi: float = _DPI, width: float = _WIDTH) -> bytes:
+def to_png(figure: spec.Figure, dpi: float = _DPI, columns: int = 3) -> bytes:
     """Draws a figure as a PNG file."""
     buffer = io.BytesIO()
-    picture = draw(figure, width)
+    picture = draw(figure, columns)
     picture.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()
 
 
-def draw(figure: spec.Figure, width: float = _WIDTH) -> Figure:
-    """Draws the shown panels of a figure, row by row, below its legend."""
-    panels = figure.shown
-    columns = min(figure.columns, len(panels))
+def draw(figure: spec.Figure, columns: int = 3) -> Figure:
+    """Draws the panels of a figure, row by row, below its legend."""
+    panels = figure.panels
+    width = _WIDTH
     rows = math.ceil(len(panels) / columns)
     row_height = _PIXEL * max(panel.height for panel in panels)
 
