@@ -184,7 +184,6 @@ def test_json_has_the_schema_and_si_numbers():
             "most_by_chance": 1.8,
             "chance": 1e-4,
             "depends_on": ["alpha"],
-            "air_depends_on": [],
         },
         "derivatives": to_builtins(make_result().derivatives),
         "air": {"std_m_s": 0.12, "correlation_s": 0.31},
@@ -257,7 +256,6 @@ def test_numbers_that_are_none_become_null():
         "most_by_chance": None,
         "chance": None,
         "depends_on": [],
-        "air_depends_on": [],
     }
     assert data["folds"][0]["refitted"]["rollout"]["position_rms_m"] is None
     assert data["spreads"]["wind"]["values"] == {"flight_001.csv": None}
