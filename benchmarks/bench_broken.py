@@ -232,6 +232,8 @@ def kinds() -> dict[str, Break]:
         "axes tilted 0.1": every(b.tilt(0.1), "frame_tilt"),
         "z down in one": one(b.scale(1, -1, 1)),
         "x backwards in one": one(b.scale(-1, 1, 1)),
+        "seen from behind in one": one(b.from_behind),
+        "half a turn in one": one(b.half_turn),
         "pitch sign in one": one(b.scale(1, 1, -1)),
         "pitch sign in some": some(b.scale(1, 1, -1)),
         "degrees in one": cells("pitch", np.degrees, False),

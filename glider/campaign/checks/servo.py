@@ -148,7 +148,10 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
             "its measured angle, and the commands that were given."
         )
     servo = campaign.limits
-    correlation, _ = calc_correlation(elevators, servo=servo)
+    ahead, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
+    correlation = ahead
+    if -delay > _LEADS:
+        correlation, _ = calc_correlation(elevators, servo=servo)
     follows = abs(correlation)
     if follows < _FOLLOWS:
         shifted, shift = calc_correlation(elevators, _SHIFTS)
@@ -163,7 +166,6 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
         )
     # Under feedback a slow servo swings: a period before, and turned half a period
     # before, commands explain it about as well.
-    ahead, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
     is_clear = 1.0 - correlation**2 > _AS_GOOD * (1.0 - ahead**2)
     if -delay > _LEADS and is_clear:
         raise InputError(
@@ -269,7 +271,7 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     """
     if not elevators:
         return ()
-    gain, error = calc_travel(elevators, campaign.limits)
+    gain, error = _calc_travel(elevators, campaign.limits)
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
         "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
@@ -278,7 +280,7 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     return claim_scale(campaign, gain, _SURELY * error / gain, _TRAVEL, words)
 
 
-def calc_travel(
+def _calc_travel(
     elevators: Sequence[Elevator], servo: Servo = NO_LIMITS
 ) -> tuple[float, float]:
     """Measured over commanded travel without its sign, and its standard error.
