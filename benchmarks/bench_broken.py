@@ -25,7 +25,6 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.checks.inspection import inspect
-from glider.campaign.checks.servo import check_limits
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.reader import load_campaign
 from glider.campaign.turning import turn_campaign
@@ -461,7 +460,6 @@ def check(campaign: Campaign, broken: Break) -> Answer:
         whole, masks = inspection.campaign, inspection.masks
         vehicle = make_vehicle(whole)
         turned = turn_campaign(whole, find_signs(whole, whole.flights, masks, vehicle))
-        check_limits(turned, masks)
         noise = measure_noise(turned, masks)
         records = prepare(turned.flights, turned, noise, vehicle.space, masks)
         outlying = find_outlying(make_task(records, vehicle, vehicle.kinds), noise)

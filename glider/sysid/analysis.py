@@ -16,7 +16,6 @@ from scipy.special import softmax
 from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
 from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.checks.rates import SCALE
-from glider.campaign.checks.servo import check_limits
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs, turn_campaign
 from glider.compiled.warm_up import warm_up
@@ -113,7 +112,6 @@ class Analysis:
                 few = tuple(f for f in logged.flights if f.name in self.fitted)
                 signs = find_signs(logged, few, masks, self.vehicle)
         campaign = turn_campaign(logged, signs)
-        check_limits(campaign, masks)
         with self.stage("smooth"):
             noise, records = smoothed(campaign)
             as_logged = records if signs.are_right else smoothed(logged)[1]

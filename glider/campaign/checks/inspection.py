@@ -20,12 +20,7 @@ from glider.campaign.checks.masks import (
 from glider.campaign.checks.planarity import find_rolled
 from glider.campaign.checks.rates import check_rates
 from glider.campaign.checks.rows import find_faults, find_hand
-from glider.campaign.checks.servo import (
-    check_follows,
-    check_travel,
-    find_unrelated,
-    measure_elevators,
-)
+from glider.campaign.checks.servo import check_follows, check_travel, measure_elevators
 from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
@@ -39,7 +34,6 @@ _MAX_FAULTY = 0.6  # Share of the rows of an elevator: the rest is no better.
 _ROLLED = "by roll and yaw its wing is more than half out of the plane of flight"
 _HELD = "a hand still pushes the glider"
 _BEYOND = "pose: beyond a gap whose commands are not known"
-_UNRELATED = "its elevator does not follow its commands, unlike in most flights"
 
 
 def inspect(campaign: Campaign) -> Inspection:
@@ -63,8 +57,6 @@ def inspect(campaign: Campaign) -> Inspection:
     # Until here poses counted, whatever the servo did.
     kept.mask(lambda flight, _: kept.masks[flight.name].beyond, _BEYOND)
     kept.drop_short(f" ({_BEYOND})")
-    unrelated = find_unrelated(measure_elevators(kept.campaign, kept.masks))
-    kept.drop(dict.fromkeys(unrelated, _UNRELATED))
     motions = kept.motions()
     warnings += check_fall(kept.campaign, motions)
     elevators = measure_elevators(kept.campaign, kept.masks)
