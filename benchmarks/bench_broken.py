@@ -25,7 +25,6 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.checks.inspection import inspect
-from glider.campaign.checks.servo import check_limits
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.reader import load_campaign
 from glider.campaign.turning import turn_campaign
@@ -232,6 +231,8 @@ def kinds() -> dict[str, Break]:
         "axes tilted 0.1": every(b.tilt(0.1), "frame_tilt"),
         "z down in one": one(b.scale(1, -1, 1)),
         "x backwards in one": one(b.scale(-1, 1, 1)),
+        "seen from behind in one": one(b.from_behind),
+        "half a turn in one": one(b.half_turn),
         "pitch sign in one": one(b.scale(1, 1, -1)),
         "pitch sign in some": some(b.scale(1, 1, -1)),
         "degrees in one": cells("pitch", np.degrees, False),
@@ -459,7 +460,6 @@ def check(campaign: Campaign, broken: Break) -> Answer:
         whole, masks = inspection.campaign, inspection.masks
         vehicle = make_vehicle(whole)
         turned = turn_campaign(whole, find_signs(whole, whole.flights, masks, vehicle))
-        check_limits(turned, masks)
         noise = measure_noise(turned, masks)
         records = prepare(turned.flights, turned, noise, vehicle.space, masks)
         outlying = find_outlying(make_task(records, vehicle, vehicle.kinds), noise)

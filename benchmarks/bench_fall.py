@@ -16,8 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from examples.perch_corrected import rehearse
-from glider.campaign.checks.fall import UNKNOWN, measure_fall
-from glider.campaign.checks.forces import Motions, measure_motions
+from glider.campaign.checks.forces import (
+    _UNKNOWN,
+    Motions,
+    _measure_fall,
+    measure_motions,
+)
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.motion import Motion
 from glider.campaign.logs import Campaign
@@ -94,10 +98,10 @@ def main() -> None:
     options = parser.parse_args()
     table: dict[str, list[tuple[float, float]]] = {}
     for family, gravity, motions in sets(options.draws, options.measured):
-        fall, error = measure_fall(Motions(tuple(motions)))
+        fall, error = _measure_fall(Motions(tuple(motions)))
         table.setdefault(family, []).append((np.log(fall / gravity), error))
     for family, found in table.items():
-        known = np.array([f for f in found if f[1] < UNKNOWN])
+        known = np.array([f for f in found if f[1] < _UNKNOWN])
         if not len(known):
             print(f"{family:20} 0 of {len(found)}")
             continue

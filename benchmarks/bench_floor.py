@@ -5,8 +5,8 @@
 Lifelike campaigns of effects in the library's own forms, in still air and in
 turbulence, half of them with flight-to-flight variation; the right effects are fitted
 to three quarters of the flights. A line has the held-out errors over their floor (free,
-along the measured pitch), the probability that a perfect model leaves as much, and the
-states that the gusts seem to depend on. With --wrong, the forms are others.
+along the measured pitch), and the probability that a perfect model leaves as much. With
+--wrong, the forms are others.
 """
 
 import argparse
@@ -17,7 +17,7 @@ import numpy as np
 
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
-from glider.sysid.fit.floor import air_depends_on, find_floor
+from glider.sysid.fit.floor import find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.outcome import spreads_of
@@ -51,8 +51,8 @@ WRONG: tuple[Planted, ...] = (
 
 def measure(
     seed: int, planted: Planted, moving_air: bool, flights: int = 25
-) -> tuple[np.ndarray, float, tuple[str, ...]]:
-    """Returns errors over floors (2,), their probability, and states of the gusts."""
+) -> tuple[np.ndarray, float]:
+    """Returns errors over floors (2,), and their probability."""
     campaign, _ = draw_campaign(
         seed,
         flights,
@@ -68,9 +68,8 @@ def measure(
     starts = starts_of(task, noise, [kind for kind, _ in planted])
     model = min((fit_model(task, start) for start in starts), key=lambda fit: fit.cost)
     flown = flown_by(task, model, model.scales)
-    gusts = air_depends_on(task, model)
     traced = types.SimpleNamespace(model=model, forces=None)
-    truth = without_model_errors(traced, gusts, spreads_of(task, model))
+    truth = without_model_errors(traced, spreads_of(task, model))
     ratio, rng = noise.smoothing[2].ratio, np.random.default_rng(seed)
     floor = find_floor(flown, unseen, truth, ratio, rng)
     pairs = [(record, predict(flown, record)) for record in unseen]
@@ -79,7 +78,7 @@ def measure(
     rms = np.sqrt(np.average(errors[flown] ** 2, axis=0, weights=floor.rows[flown]))
     squares = floor.squares[flown].mean(axis=2)[:, :2]
     floors = np.sqrt(np.average(squares, axis=0, weights=floor.rows[flown]))
-    return rms / floors, floor.chance(errors), gusts
+    return rms / floors, floor.chance(errors)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -91,23 +90,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     cases = WRONG if options.wrong else RIGHT
     for air in (False, True):
-        ratios, chances, depend = [], [], 0
+        ratios = []
+        chances = []
         for seed in range(options.first, options.first + options.seeds):
             planted = cases[seed % len(cases)]
-            found, chance, gusts = measure(seed, planted, air)
+            found, chance = measure(seed, planted, air)
             names = ", ".join("/".join(pair) for pair in planted)
-            print(
-                f"{seed:4d} {found.round(2)} {chance:.4f} {gusts} {names}", flush=True
-            )
+            print(f"{seed:4d} {found.round(2)} {chance:.4f} {names}", flush=True)
             ratios.append(found)
             chances.append(chance)
-            depend += bool(gusts)
-        logs, beyond = np.log(ratios), np.sum(np.array(chances) < UNLIKELY)
-        mean, spread = np.exp(logs.mean(axis=0)).round(3), logs.std(axis=0).round(3)
+        logs = np.log(ratios)
+        beyond = np.sum(np.array(chances) < UNLIKELY)
+        mean = np.exp(logs.mean(axis=0)).round(3)
+        spread = logs.std(axis=0).round(3)
         print(
             f"{'turbulence' if air else 'still air'}: over the floor, geometric mean "
-            f"{mean}, spread {spread}; beyond it in {beyond}, gusts that depend on the "
-            f"state in {depend} of {len(ratios)}"
+            f"{mean}, spread {spread}; beyond it in {beyond} of {len(ratios)}"
         )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glider.campaign.checks.servo import calc_travel, check_travel, measure_elevators
+from glider.campaign.checks.servo import _calc_travel, check_travel, measure_elevators
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
@@ -46,7 +46,7 @@ def main(paths: list[str]) -> None:
             for k in range(0, len(c.flights) - size + 1, size)
         ]
         found = np.array(
-            [calc_travel(measure_elevators(group, {})) for group in groups]
+            [_calc_travel(measure_elevators(group, {})) for group in groups]
         )
         off = np.abs(found[:, 0] - 1.0) / found[:, 1]
         line = f"{size:3d} flights, {len(groups):3d} groups: gain "

@@ -26,7 +26,7 @@ _MOST_RATIO = 100  # Of a file's size to that in the archive; the samples have 2
 _SMALL = 1_000_000  # Size below which any ratio passes [bytes].
 
 
-class Sample(NamedTuple):
+class _Sample(NamedTuple):
     """A campaign that ships with the package."""
 
     name: str  #: That `load_campaign` and the command line take.
@@ -44,13 +44,13 @@ def _read_list() -> dict[str, str]:
     return schema.load_yaml(dict[str, str], file, "the list of samples")
 
 
-def list_samples() -> tuple[Sample, ...]:
+def list_samples() -> tuple[_Sample, ...]:
     """Lists the samples; nothing is unpacked."""
     found = []
     for name, holds in _read_list().items():
         with zipfile.ZipFile(models_path(_FOLDER, f"{name}.zip")) as archive:
             flights = sum(file.endswith(".csv") for file in archive.namelist())
-        found.append(Sample(name, holds, flights))
+        found.append(_Sample(name, holds, flights))
     return tuple(found)
 
 

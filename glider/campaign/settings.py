@@ -78,7 +78,7 @@ class Markers:
 
 def _check_units(units: object) -> None:
     """Raises InputError where a unit is none of the quantity's kind."""
-    for name, unit in given(units).items():
+    for name, unit in _given(units).items():
         scale_of(unit, QUANTITIES.get(name, name), f"units: {name}")
 
 
@@ -219,7 +219,7 @@ def unit_vector(axis: str) -> np.ndarray:
     return sign * np.eye(3)["xyz".index(axis[-1])]
 
 
-def given(fields: object) -> dict:
+def _given(fields: object) -> dict:
     """Fields of a dataclass that are not None, by name."""
     names = [field.name for field in dataclasses.fields(fields)]  # type: ignore[arg-type]
     return {n: v for n in names if (v := getattr(fields, n)) is not None}
@@ -235,7 +235,7 @@ class Vehicle(KnownParameters):
 
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
-        known = given(self)
+        known = _given(self)
         is_known = known.pop("elevator") in ("servo", "fixed", "fixed_per_flight")
         kinds = "'fixed', 'fixed_per_flight' or 'servo'"
         expect(is_known, "field 'elevator' of vehicle", self.elevator, kinds)
@@ -283,7 +283,7 @@ class Settings:
 
     def campaign(self, folder: Path) -> Campaign:
         """Campaign without flights."""
-        known = given(self.vehicle)
+        known = _given(self.vehicle)
         limits = self.vehicle.elevator_limits
         return Campaign(
             name=folder.resolve().name,
@@ -301,11 +301,11 @@ class Settings:
 
     def mapping(self, source: str) -> Mapping | None:
         """How logs are mapped; None where no field says so."""
-        if not {"columns", "units", "frame", "clock", "join"} & given(self).keys():
+        if not {"columns", "units", "frame", "clock", "join"} & _given(self).keys():
             return None
         assert not isinstance(self.frame, str)
-        columns = given(self.columns or Columns())
-        units = given(self.units or Units())
+        columns = _given(self.columns or Columns())
+        units = _given(self.units or Units())
         frame = self.frame or Frame()
         join = tuple(self.join or ())
         _check_columns(columns, source)

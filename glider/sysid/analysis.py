@@ -16,7 +16,6 @@ from scipy.special import softmax
 from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
 from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.checks.rates import SCALE
-from glider.campaign.checks.servo import check_limits
 from glider.campaign.checks.servo_fit import identify_servo
 from glider.campaign.logs import Campaign
 from glider.campaign.turning import Signs, turn_campaign
@@ -111,7 +110,6 @@ class Analysis:
                 few = tuple(f for f in logged.flights if f.name in self.fitted)
                 signs = find_signs(logged, few, masks, self.vehicle)
         campaign = turn_campaign(logged, signs)
-        check_limits(campaign, masks)
         campaign, of_servo = identify_servo(campaign, masks)
         with self.stage("smooth"):
             noise, records = smoothed(campaign)

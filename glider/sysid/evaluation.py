@@ -14,7 +14,7 @@ from glider.physics.effects.families import FAMILIES
 from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
 from glider.sysid.fit import prediction
-from glider.sysid.fit.floor import air_depends_on, find_floor
+from glider.sysid.fit.floor import find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import compare, flown_by
 from glider.sysid.likelihood.candidates import survey
@@ -93,8 +93,7 @@ def evaluate(
     of_nominal = models.get("nominal", models["refitted"])
     before = _table(of_nominal, flights.of("nominal", usual))
     after = _table(own, records)
-    gusts = air_depends_on(task, traced.model)
-    truth = without_model_errors(traced, gusts, spreads)
+    truth = without_model_errors(traced, spreads)
     records.sort(key=lambda record: record.name not in kept)
     first = records[:MANY_FLIGHTS]
     smoothness = flights.noise.smoothing[2].ratio
@@ -123,7 +122,6 @@ def evaluate(
             most_by_chance=floor.most_by_chance(len(kept)),
             chance=np.nan if paths is None else floor.chance(paths),
             depends_on=_variables_of(task, traced.judged),
-            air_depends_on=gusts,
         ),
         "held_out": _flights(flights, unseen, found, own.per_flight_trims),
         "residual_before": before,
@@ -140,9 +138,7 @@ def _variables_of(task: Task, model: FitResult) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))[:3]
 
 
-def without_model_errors(
-    traced: SearchResult, gusts: Collection[str], spreads: Mapping[str, Spread]
-) -> Scales:
+def without_model_errors(traced: SearchResult, spreads: Mapping[str, Spread]) -> Scales:
     """Scales without errors of the model: sensors, turbulence, per-flight constants.
 
     An elevator off its path is an error of the servo's model. Where something was
@@ -153,7 +149,7 @@ def without_model_errors(
     unknown = {"servo"}
     if traced.model.kinds or traced.model.functions:
         unknown.update(SPREAD_KINDS.values())
-    if gusts or traced.forces is not None:
+    if traced.forces is not None:
         unknown.add("air")
     stds = {SPREAD_KINDS[kind]: spread.std for kind, spread in spreads.items()}
     return dataclasses.replace(

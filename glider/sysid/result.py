@@ -87,7 +87,6 @@ class Residual:
     most_by_chance: Number = math.inf  #: The ratio that a perfect model may have.
     chance: Number = math.nan  #: Probability that a perfect model leaves as much.
     depends_on: tuple[str, ...]  #: Variables that it varies with, most first.
-    air_depends_on: tuple[str, ...] = ()  #: States that the modelled gusts depend on.
 
     @property
     def exceeds_chance(self) -> bool:

@@ -199,14 +199,13 @@ def _beyond_floor(left: Residual) -> str:
     """Clause about what a perfect model would not leave, empty if it may be chance."""
     if left.may_be_chance:
         return ""
-    varies = dict.fromkeys((*left.depends_on, *left.air_depends_on))
     free = left.ratio_to_floor
     along = left.ratio_along_pitch
     return (
         f": held-out flights are off by {1e3 * left.position_m:.3g} mm (RMS), "
         f"{free:.3g} times as much as a perfect model would leave"
         + (f" ({along:.3g} times along the measured pitch)" if along > free else "")
-        + (f", depending on {', '.join(varies)}" if varies else "")
+        + (f", depending on {', '.join(left.depends_on)}" if left.depends_on else "")
     )
 
 

@@ -179,13 +179,6 @@ def test_what_is_left_is_not_told_where_it_is_not_known():
     assert " ".join(say("left", make_result(left=left))) == ""
 
 
-def test_gusts_that_know_the_state_are_said_to_be_no_turbulence():
-    left = dataclasses.replace(make_result().left, air_depends_on=("alpha", "V"))
-    (said,) = [s for s in say("left", make_result(left=left)) if "gusts" in s]
-    assert "depend on alpha and V: turbulence does not" in said
-    assert "gusts" not in " ".join(say("left", make_result()))
-
-
 @pytest.mark.parametrize(
     "std, correlation, text",
     [

@@ -115,7 +115,6 @@ def test_practice_effects_are_named(name, kind, truths):
     assert result.verdict == "effect_found"
     assert 0.3 < result.left.ratio_to_floor < 3.0
     assert result.left.chance > UNLIKELY
-    assert result.left.air_depends_on == ()
     assert kinds_of(result) == [kind]
     assert_coefficients(result, kind, truths)
     assert errors_fall(result)

@@ -2,8 +2,8 @@
 
 inspection: `inspect`, all checks in order. masks: what is excluded. motion: velocity
 and acceleration of a log. forces: gravity and forces fitted to them, once for all
-checks. rows, smoothness: faulty rows, and rows of no flight. frame: axes, units, signs,
-the direction of the fall. fall: scales of lengths and times. rates: clocks of rows and
-commands. servo: whether the elevator follows its commands, and how far. planarity: of a
-throw.
+checks, and the scales of lengths and times by gravity. rows, smoothness: faulty rows,
+and rows of no flight. frame: axes, units, signs, the direction of the fall. rates:
+clocks of rows and commands. servo: whether the elevator follows its commands, and how
+far. planarity: of a throw.
 """

@@ -1,7 +1,7 @@
 """Do flights fall down, nose ahead, at the gravity and with the signs that are claimed?
 
 All checks ask one fitted description of the flights, `Motions`. Its free fit determines
-gravity, whose direction shows which way is down (its size is checked in `fall`).
+gravity, whose direction shows which way is down (its size is checked by `check_fall`).
 `check_frame` corrects axes that are certainly turned; a turned angle is traced later
 (`glider.sysid.search.signs`). `check_signs` refuses a mapping whose axes or signs the
 flights contradict: the forces of the air must agree with the pitch as mapped, fitted
@@ -23,8 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.fall import check_fall
-from glider.campaign.checks.forces import ForceFit, Motions, measure_motions
+from glider.campaign.checks.forces import ForceFit, Motions, check_fall, measure_motions
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.checks.servo import (
     Elevator,
@@ -37,7 +36,7 @@ from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 
-MIN_FLIGHTS = 3
+_MIN_FLIGHTS = 3
 """Flights that show axes: one alone determines no gravity, and may fit anything."""
 _MIN_ROWS = 60  # Accelerations that the constant is fitted to, at least.
 _UPRIGHT = 1.1
@@ -91,7 +90,7 @@ def check_frame(
     campaign: Campaign, motions: Motions
 ) -> tuple[Campaign, tuple[str, ...]]:
     """Corrects axes that are certainly turned, not angles; refuses what cannot be."""
-    if len(motions.joined.time) < _MIN_ROWS or len(campaign.flights) < MIN_FLIGHTS:
+    if len(motions.joined.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
         return campaign, ()
     _check_columns(campaign, motions)
     _check_path(campaign, motions)
@@ -409,7 +408,7 @@ def _check_pitch(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
             f"sign turned the forces fit {own / turned:.2g} times as well (pitch: "
             "nose_up or nose_down; with attitudes: nose, top or rotation)."
         )
-    if len(campaign.flights) >= MIN_FLIGHTS:
+    if len(campaign.flights) >= _MIN_FLIGHTS:
         for name, angle in _join_other_angles(campaign, motions).items():
             pose = np.column_stack([motion.pose[:, :2], angle])
             misfit = forces.fit_forces(motion._replace(pose=pose), down).misfit

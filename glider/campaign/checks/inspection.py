@@ -2,14 +2,12 @@
 
 import dataclasses
 import functools
-import itertools
 import math
 from collections.abc import Callable
 
 import numpy as np
 
-from glider.campaign.checks.fall import check_fall
-from glider.campaign.checks.forces import Motions, calc_heading, measure_motions
+from glider.campaign.checks.forces import Motions, check_fall, measure_motions
 from glider.campaign.checks.frame import check_frame, check_tail
 from glider.campaign.checks.masks import (
     ALL,
@@ -21,13 +19,8 @@ from glider.campaign.checks.masks import (
 )
 from glider.campaign.checks.planarity import find_rolled
 from glider.campaign.checks.rates import check_rates
-from glider.campaign.checks.rows import find_faults, find_filled, find_hand
-from glider.campaign.checks.servo import (
-    check_follows,
-    check_travel,
-    find_unrelated,
-    measure_elevators,
-)
+from glider.campaign.checks.rows import find_faults, find_hand
+from glider.campaign.checks.servo import check_follows, check_travel, measure_elevators
 from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
@@ -41,7 +34,6 @@ _MAX_FAULTY = 0.6  # Share of the rows of an elevator: the rest is no better.
 _ROLLED = "by roll and yaw its wing is more than half out of the plane of flight"
 _HELD = "a hand still pushes the glider"
 _BEYOND = "pose: beyond a gap whose commands are not known"
-_UNRELATED = "its elevator does not follow its commands, unlike in most flights"
 
 
 def inspect(campaign: Campaign) -> Inspection:
@@ -57,12 +49,7 @@ def inspect(campaign: Campaign) -> Inspection:
     kept.drop(_find_servoless(kept.campaign, kept.masks))
     kept.mask(functools.partial(find_hand, gravity=None), _HELD)
     kept.drop_short()
-    motions = kept.motions()
-    astray = _find_tail_first(kept.campaign, motions)
-    if astray:
-        kept.drop(astray)
-        motions = kept.motions()
-    kept.campaign, warnings = check_frame(kept.campaign, motions)
+    kept.campaign, warnings = check_frame(kept.campaign, kept.motions())
     kept.mask(functools.partial(find_hand, gravity=campaign.gravity), _HELD)
     kept.drop_short()
     kept.mask(find_rolled, _ROLLED)
@@ -70,8 +57,6 @@ def inspect(campaign: Campaign) -> Inspection:
     # Until here poses counted, whatever the servo did.
     kept.mask(lambda flight, _: kept.masks[flight.name].beyond, _BEYOND)
     kept.drop_short(f" ({_BEYOND})")
-    unrelated = find_unrelated(measure_elevators(kept.campaign, kept.masks))
-    kept.drop(dict.fromkeys(unrelated, _UNRELATED))
     motions = kept.motions()
     warnings += check_fall(kept.campaign, motions)
     elevators = measure_elevators(kept.campaign, kept.masks)
@@ -88,18 +73,13 @@ def inspect(campaign: Campaign) -> Inspection:
 
 def _with_even_times(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     """Restores even steps of flights whose stamps jitter, and warns of them."""
-    logs = []
-    for flight in campaign.flights:
-        seen = np.isfinite(flight.pose).all(axis=1) & ~find_repeats(flight.pose, 2)
-        seen[seen] = ~find_filled(flight.time[seen], flight.pose[seen, :2])
-        logs.append((flight.time[seen], flight.pose[seen, :2]))
+    logs = [(flight.time, flight.pose[:, :2]) for flight in campaign.flights]
     found, words = find_even_times(logs, campaign.pose_rate)
     flights = [*campaign.flights]
     jitter = 0.0
     for k, even in enumerate(found):
         if even is not None:
-            time = even.at(logs[k][0], flights[k].time)
-            flights[k] = dataclasses.replace(flights[k], time=time)
+            flights[k] = dataclasses.replace(flights[k], time=even.at(flights[k].time))
             jitter = max(jitter, even.jitter)
     if not words:
         return campaign, ()
@@ -180,23 +160,4 @@ def _find_servoless(campaign: Campaign, masks: dict[str, Masks]) -> dict[str, st
         if share > _MAX_FAULTY:
             words = f"{100 * share:.0f} % of the rows of its elevator are faulty"
             reasons[flight.name] = words
-    return reasons
-
-
-def _find_tail_first(campaign: Campaign, motions: Motions) -> dict[str, str]:
-    """Flights that go the other way, or tail first, unlike most others."""
-    names = []
-    forward = []
-    for flight, motion in zip(campaign.flights, motions.each, strict=True):
-        if len(motion.time):
-            ahead = calc_heading(motion.with_pitch(motions.fit.sign))
-            onward = np.mean(motion.velocity[:, 0])
-            names.append(flight.name)
-            forward.append([ahead >= 0.0, onward >= 0.0])
-    reasons: dict[str, str] = {}
-    whys = "tail first", "the other way along x"
-    for why, group in zip(whys, np.reshape(forward, (-1, 2)).T, strict=True):
-        is_usual = 2 * np.sum(group) >= len(group)
-        for name in itertools.compress(names, group != is_usual):
-            reasons.setdefault(name, f"it flies {why}, unlike most flights")
     return reasons

@@ -45,7 +45,7 @@ def body_axes(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarra
     return Rotation.from_euler("ZYX", angles).as_matrix()
 
 
-def normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+def _normal(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """The wing's normal in the world (n, 3), turned by yaw, pitch, roll."""
     return body_axes(pitch, roll, yaw)[:, :, 2]
 
@@ -54,7 +54,7 @@ def planar_pitch(flight: Flight, rows: np.ndarray) -> np.ndarray:
     """Computes the pitch of the wing's normal in the plane, at some rows [rad]."""
     assert flight.attitude is not None
     _, roll, yaw = flight.attitude[rows].T
-    n = normal(flight.pose[rows, 2], roll, yaw)
+    n = _normal(flight.pose[rows, 2], roll, yaw)
     return np.unwrap(np.arctan2(n[:, 0], n[:, 2]))
 
 
@@ -72,7 +72,7 @@ def in_plane(
         the factor of its wing's force (n - 1,), and the wind in x and z that its motion
         sideways is like (n - 1, 2) [m/s].
     """
-    n = normal(pitch, *roll_and_yaw.T)
+    n = _normal(pitch, *roll_and_yaw.T)
     square = n[:, 0] ** 2 + n[:, 2] ** 2
     air = -(sideways * n[:, 1] / square)[:, None] * n[:, [0, 2]]
     return 0.5 * (square[1:] + square[:-1]), 0.5 * (air[1:] + air[:-1])
@@ -86,5 +86,5 @@ def find_rolled(flight: Flight, usable: np.ndarray) -> np.ndarray:
     if flight.attitude is None:
         return np.zeros(len(flight.time), dtype=bool)
     _, roll, yaw = flight.attitude.T
-    out = normal(flight.pose[:, 2], roll, yaw)[:, 1] ** 2
+    out = _normal(flight.pose[:, 2], roll, yaw)[:, 1] ** 2
     return np.logical_or.accumulate((out > 1.0 - _LEAST_IN_PLANE) & usable)

@@ -91,7 +91,8 @@ def find_faults(campaign: Campaign) -> Inspection:
     """Finds rows that are frozen, stick out or are displaced; reports gaps.
 
     The noise is measured on all flights: one bad flight does not hide itself. For false
-    alarms see `smoothness.THRESHOLD`; a row that sticks out by 4 noises or less passes.
+    alarms see `_THRESHOLD` in smoothness; a row that sticks out by 4 noises or less
+    passes.
     """
     flights = campaign.flights
     scale = _measure_scale([(flight.time, flight.pose) for flight in flights])
@@ -103,20 +104,17 @@ def find_faults(campaign: Campaign) -> Inspection:
     stopped = 0
     for flight in flights:
         of_pose = _pose_faults(flight, scale)
+        of_servo = of_servos.get(flight.name, {})
+        pose = np.any([*of_pose.values()], axis=0)
+        elevator = np.any([np.zeros_like(pose), *of_servo.values()], axis=0)
         again = of_pose.pop(_AGAIN)
-        pose = np.any([again, *of_pose.values()], axis=0)
-        elevator = np.zeros_like(pose)
-        reasons = {f"pose: {why}": flags for why, flags in of_pose.items()}
-        for why, flags in of_servos.get(flight.name, {}).items():
-            elevator |= flags
-            reasons[f"elevator: {why}"] = flags
-        for why, flags in reasons.items():
+        for why, flags in (of_pose | of_servo).items():
             if flags.any():
                 excluded.append(ExcludedRows(flight.name, name_rows(flags), why))
         first = 0
         last = len(pose)
         if flight.command is not None:  # The longest piece has all its commands.
-            piece = pieces_with_commands(flight, campaign)
+            piece = _pieces_with_commands(flight, campaign)
             longest = np.argmax(np.bincount(piece, weights=~pose))
             first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
         mask = Masks(pose=pose, elevator=elevator, first=first, last=last)
@@ -173,7 +171,7 @@ def _find_filter(campaign: Campaign, masks: dict[str, Masks]) -> list[str]:
     ]
 
 
-def pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
+def _pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
     """The piece that each row is in (n,): gaps that hide commands are cut.
 
     Lost rows that may hide one command are such a gap if the elevator turned there by
@@ -220,15 +218,15 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
     track = Track(time, pose, np.clip(own, scale.noise, 3.0 * scale.noise))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
-        "is not a number": unknown,
+        "pose: is not a number": unknown,
         _AGAIN: again,
-        "does not change while the glider moves: frozen": frozen,
-        FILLED: filled,
-        "its attitude jumps, as where markers are taken for others": turned,
-        "lies still, or is held": standing,
-        "departs from the motion around it": sticks_out,
-        "the track jumps and stays displaced": displaced,
-        "it touches something: its velocity jumps": touched,
+        "pose: does not change while the glider moves: frozen": frozen,
+        f"pose: {FILLED}": filled,
+        "pose: its attitude jumps, as where markers are taken for others": turned,
+        "pose: lies still, or is held": standing,
+        "pose: departs from the motion around it": sticks_out,
+        "pose: the track jumps and stays displaced": displaced,
+        "pose: it touches something: its velocity jumps": touched,
     }
 
 
@@ -403,8 +401,9 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
             if not rests and moved > max(_MIN_COMMANDED, surely):
                 frozen[first : last + 1] = True
         faults[elevator.name] = {
-            "departs from the motion around it": sticks_out,
-            "does not change while commands move it: frozen": frozen & ~sticks_out,
+            "elevator: departs from the motion around it": sticks_out,
+            "elevator: does not change while commands move it: frozen": frozen
+            & ~sticks_out,
         }
     return faults
 

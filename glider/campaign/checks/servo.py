@@ -44,12 +44,6 @@ for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most 
 commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
 _MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
-_FOLLOWS_ALONE = 0.6
-"""Share of the campaign's correlation that a flight alone must reach at its delay.
-Measured: 0.93 at least for 600 flights; nine in ten with commands of another flight
-fall below, as few rates correlate by chance."""
-_WIDE = 0.15  # Travel above which one flight alone can be judged [rad].
-_BEYOND = 0.15  # Angle beyond its limits that no zero of an elevator explains [rad].
 
 _GAIN_DELAYS = np.arange(-0.02, 0.355, 0.02)
 """Delays that are tried for the gain [s]."""
@@ -147,7 +141,10 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
             "its measured angle, and the commands that were given."
         )
     servo = campaign.limits
-    correlation, _ = calc_correlation(elevators, servo=servo)
+    ahead, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
+    correlation = ahead
+    if -delay > _LEADS:
+        correlation, _ = calc_correlation(elevators, servo=servo)
     follows = abs(correlation)
     if follows < _FOLLOWS:
         shifted, shift = calc_correlation(elevators, _SHIFTS)
@@ -162,27 +159,12 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
         )
     # Under feedback a slow servo swings: a period before, and turned half a period
     # before, commands explain it about as well.
-    ahead, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
     is_clear = 1.0 - correlation**2 > _AS_GOOD * (1.0 - ahead**2)
     if -delay > _LEADS and is_clear:
         raise InputError(
             f"{campaign.path}: column 'elevator' moves {-delay:.3f} s before "
             "'elevator_rate_command'; expected both on the clock of 'time'."
         )
-
-
-def find_unrelated(elevators: Sequence[Elevator]) -> tuple[str, ...]:
-    """Names of flights whose elevator does not follow, at the delay of the others."""
-    usual, delay = calc_correlation(elevators)
-    near = delay + np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
-    least = _FOLLOWS_ALONE * abs(usual)
-    unrelated = []
-    for elevator in elevators:
-        if elevator.ordered_travel > _WIDE:
-            own, _ = calc_correlation([elevator], near)
-            if abs(own) < least:
-                unrelated.append(elevator.name)
-    return tuple(unrelated)
 
 
 def follow_sign(elevators: Sequence[Elevator]) -> int:
@@ -268,7 +250,7 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     """
     if not elevators:
         return ()
-    gain, error = calc_travel(elevators, campaign.limits)
+    gain, error = _calc_travel(elevators, campaign.limits)
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
         "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
@@ -277,7 +259,7 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     return claim_scale(campaign, gain, _SURELY * error / gain, _TRAVEL, words)
 
 
-def calc_travel(
+def _calc_travel(
     elevators: Sequence[Elevator], servo: Servo = NO_LIMITS
 ) -> tuple[float, float]:
     """Measured over commanded travel without its sign, and its standard error.
@@ -338,25 +320,3 @@ def _sum_parts(
         starts = np.arange(1, parts) * terms.shape[-1] // parts
         sums += [part.sum(axis=-1) for part in np.split(terms, starts, axis=-1)]
     return np.array(sums)
-
-
-def check_limits(campaign: Campaign, masks: Mapping[str, Masks]) -> None:
-    """Refuses limits that an elevator passes by far, and turned ones by much less."""
-    if campaign.elevator != "servo" or campaign.elevator_limits is None:
-        return
-    lowest, highest = np.percentile(_join_angles(campaign, masks), [1.0, 99.0])
-    lower, upper = campaign.elevator_limits
-    beyond = max(lower - lowest, highest - upper)
-    beyond_turned = max(-upper - lowest, highest + lower)
-    if beyond > _BEYOND and beyond_turned < 0.5 * beyond:
-        raise InputError(
-            f"{campaign.path}: column 'elevator' goes from {lowest:.3g} to "
-            f"{highest:.3g} rad and field 'elevator_limits' is [{lower:g}, {upper:g}]; "
-            "expected the travel that the servo has (trailing edge down, up)."
-        )
-
-
-def _join_angles(campaign: Campaign, masks: Mapping[str, Masks]) -> np.ndarray:
-    """All angles (k,) of the elevator that are not masked [rad]."""
-    elevators = measure_elevators(campaign, masks)
-    return np.concatenate([elevator.angle for elevator in elevators])

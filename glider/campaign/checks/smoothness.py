@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-THRESHOLD = 6.0
+_THRESHOLD = 6.0
 """Fourth differences, as standard deviations of noise, above which a row is faulty.
 Gaussian noise passes it in 2e-9 of differences, 6e-9 of rows: the largest of all 68,000
 rows of simulated logs is 4.3. See `_FLOOR` for what a true motion adds."""
@@ -115,7 +115,7 @@ def _calc_excess(track: Track, run: np.ndarray) -> np.ndarray:
     differences, step = fourth_differences(track.time[run], track.pose[run])
     # A step a of the acceleration makes a fourth difference a step², of norm sqrt(70).
     forced = _FLOOR * step[:, None] ** 2 / np.sqrt(70.0)
-    bound = THRESHOLD * track.noise + forced
+    bound = _THRESHOLD * track.noise + forced
     excess = np.abs(differences) / bound
     return np.max(excess, axis=1, initial=0.0)
 
@@ -185,7 +185,7 @@ def _find_outlying_ends(track: Track, rows: np.ndarray) -> np.ndarray:
         distance = np.abs(track.pose[last] - end.value[0])
         spread = np.sqrt(1.0 + end.variance[0]) * track.noise
         forced = _JERK * end.reach**3 / 6.0
-        allowed = np.maximum(THRESHOLD * spread + forced, _SMALL[0])
+        allowed = np.maximum(_THRESHOLD * spread + forced, _SMALL[0])
         if np.any(distance > allowed):
             return rows[:count]
     return rows[:0]
@@ -217,7 +217,7 @@ def _find_contact(track: Track, rows: np.ndarray) -> int:
     jump = fitted[:, 4]
     noise = np.max(track.noise[:2])
     spread = noise * np.linalg.norm(inverse[:, 4], axis=1)
-    surely = _SMALL[1, 0] + THRESHOLD * spread
+    surely = _SMALL[1, 0] + _THRESHOLD * spread
     stops = _STOPS * np.linalg.norm(velocity, axis=1)
     over = np.linalg.norm(jump, axis=1) / np.maximum(surely, stops)
     is_pushed = np.sum(jump * velocity, axis=1) > 0.0
@@ -237,7 +237,7 @@ def _meet(track: Track, left: np.ndarray, right: np.ndarray) -> bool:
     one = _extrapolate(track, left[-_ENDS:], middle)
     other = _extrapolate(track, right[:_ENDS], middle)
     spread = np.sqrt(one.variance + other.variance)
-    noise = THRESHOLD * np.outer(spread, track.noise)
+    noise = _THRESHOLD * np.outer(spread, track.noise)
     cubes = one.reach**3 + other.reach**3
     squares = one.reach**2 + other.reach**2
     forced = np.outer([cubes / 6.0, squares / 2.0], _JERK)

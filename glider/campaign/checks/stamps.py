@@ -11,7 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from glider.campaign.checks.masks import find_repeats
 from glider.campaign.checks.motion import robust_std
+from glider.campaign.checks.rows import find_filled
 from glider.campaign.checks.smoothness import fourth_differences
 
 _LEAST_GAIN = 10.0
@@ -34,29 +36,26 @@ _FEWEST = 20  # Rows from which a rate of frames is taken, at least.
 _LONG = 241  # Rows over which a clock is even: frames may be lost while nothing moves.
 
 
-class EvenTimes(NamedTuple):
+class _EvenTimes(NamedTuple):
     """Times of poses at even steps, some of which were lost."""
 
-    time: np.ndarray  #: (n,) [s]
+    stamps: np.ndarray  #: (n,) of the rows that show the body [s].
+    time: np.ndarray  #: (n,) of these rows [s].
     rate: float  #: Of the cameras, as specified or as the stamps show it [Hz].
     jitter: float  #: Standard deviation of the stamps about them [s].
 
-    def at(self, stamps: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """Times (k,) of other rows of the log, given the stamps (n,) of the poses."""
-        return others + np.interp(others, stamps, self.time - stamps)
-
-
-Log = tuple[np.ndarray, np.ndarray]
-"""Increasing stamps (n,) [s] and positions (n, k) [m] of rows that show a body."""
+    def at(self, others: np.ndarray) -> np.ndarray:
+        """Times (k,) of any rows of the log, by their stamps (k,)."""
+        return others + np.interp(others, self.stamps, self.time - self.stamps)
 
 
 def find_even_times(
-    logs: Sequence[Log], rate: float | None
-) -> tuple[list[EvenTimes | None], str]:
+    logs: Sequence[tuple[np.ndarray, np.ndarray]], rate: float | None
+) -> tuple[list[_EvenTimes | None], str]:
     """Finds the even times of logs, None where their stamps are as good.
 
     Args:
-        logs: of the same cameras.
+        logs: increasing stamps (n,) [s] and positions (n, k) [m] by the same cameras.
         rate: of the cameras [Hz]; None: what the stamps of all logs show.
 
     Returns:
@@ -85,46 +84,64 @@ def find_even_times(
 
 def _even_times_of(
     time: np.ndarray, position: np.ndarray, rate: float | None
-) -> EvenTimes | None:
-    if len(time) < _FEWEST:
+) -> _EvenTimes | None:
+    shown = np.isfinite(position).all(axis=1) & ~find_repeats(position, 2)
+    shown[shown] = ~find_filled(time[shown], position[shown])
+    if np.sum(shown) < _FEWEST:
         return None
-    position = position[:, np.ptp(position, axis=0) > 0.0]
-    if not position.size:
+    stamps = time[shown]
+    place = position[shown]
+    place = place[:, np.ptp(place, axis=0) > 0.0]
+    if not place.size:
         return None
-    runs = [rows for rows in _split_at_gaps(time) if len(rows) >= _FEWEST]
-    ticks = [np.arange(len(rows)) + _find_lost(position[rows]) for rows in runs]
-    even = time.copy()
+    even = stamps.copy()
     gain = 0.0
     rates = []
-    for rows, own in zip(runs, ticks, strict=True):
-        stamps = time[rows]
-        step = _find_step(stamps, own)
-        jitter = robust_std(np.diff(stamps - step * own)) / math.sqrt(2.0)
-        off = max(_SAME_RATE, float(_SURELY * jitter / np.ptp(stamps)))
-        if rate is not None and abs(step * rate - 1.0) < off:
-            step = 1.0 / rate
-        rates.append(1.0 / step)
-        late = stamps - step * own
-        third = min(len(rows), _LONG) // 3
-        later = np.median(late[-third:]) - np.median(late[:third])
-        spread = jitter * math.sqrt(np.pi / third)  # Of the difference of two medians.
-        if len(rows) > _LONG:
-            from scipy.ndimage import median_filter  # It takes long to import.
-
-            even[rows] = step * own + median_filter(late, _LONG, mode="nearest")
-        elif abs(later) < 0.5 * step + _SURELY * spread:
-            even[rows] = step * own + np.mean(late)
-        else:  # Frames were lost where the motion does not show it.
+    for rows in _split_at_gaps(stamps):
+        if len(rows) < _FEWEST:
             continue
-        stamped = _noise(stamps, position[rows])
-        restored = _noise(even[rows], position[rows])
-        is_noisy = restored > 0.0  # Without noise nothing is likelier.
-        ratio = np.maximum(stamped[is_noisy] / restored[is_noisy], _LEAST_RATIO)
+        own = stamps[rows]
+        ticks = np.arange(len(rows)) + _find_lost(place[rows])
+        restored, step = _restore(own, ticks, rate)
+        rates.append(1.0 / step)
+        if restored is None:
+            continue
+        even[rows] = restored
+        noise = _noise(own, place[rows])
+        quiet = _noise(restored, place[rows])
+        is_noisy = quiet > 0.0  # Without noise nothing is likelier.
+        ratio = np.maximum(noise[is_noisy] / quiet[is_noisy], _LEAST_RATIO)
         gain += len(rows) * float(np.sum(np.log(ratio)))
-    whole = float(np.std(time - even))
-    if gain < _LEAST_GAIN or whole < _LEAST_JITTER:
+    jitter = float(np.std(stamps - even))
+    if gain < _LEAST_GAIN or jitter < _LEAST_JITTER:
         return None
-    return EvenTimes(even, float(np.median(rates)), whole)
+    return _EvenTimes(stamps, even, float(np.median(rates)), jitter)
+
+
+def _restore(
+    stamps: np.ndarray, ticks: np.ndarray, rate: float | None
+) -> tuple[np.ndarray | None, float]:
+    """Even times (n,) of rows between gaps by the ticks of a clock, and its step [s].
+
+    None where frames were lost and the motion does not show it. The clock has the rate
+    of the cameras [Hz], if it is about that.
+    """
+    step = _find_step(stamps, ticks)
+    jitter = robust_std(np.diff(stamps - step * ticks)) / math.sqrt(2.0)
+    off = max(_SAME_RATE, float(_SURELY * jitter / np.ptp(stamps)))
+    if rate is not None and abs(step * rate - 1.0) < off:
+        step = 1.0 / rate
+    late = stamps - step * ticks
+    if len(stamps) > _LONG:
+        from scipy.ndimage import median_filter  # It takes long to import.
+
+        return step * ticks + median_filter(late, _LONG, mode="nearest"), step
+    third = len(stamps) // 3
+    later = np.median(late[-third:]) - np.median(late[:third])
+    spread = jitter * math.sqrt(np.pi / third)  # Of the difference of two medians.
+    if abs(later) < 0.5 * step + _SURELY * spread:
+        return step * ticks + np.mean(late), step
+    return None, step
 
 
 def _split_at_gaps(time: np.ndarray) -> list[np.ndarray]:

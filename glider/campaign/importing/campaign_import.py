@@ -9,14 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from glider.campaign.checks.frame import MIN_FLIGHTS, check_signs
-from glider.campaign.checks.masks import find_repeats
-from glider.campaign.checks.stamps import EvenTimes, find_even_times
+from glider.campaign.checks.frame import check_signs
+from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.flight_table import Table, with_flights
-from glider.campaign.importing.advice import ORDERS, advise
+from glider.campaign.importing.advice import advise
 from glider.campaign.importing.clock_offset import join_clocks
 from glider.campaign.importing.cutting import Cut, cut
-from glider.campaign.importing.frame_posterior import rank_rotations
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.selection import ServoLogs
@@ -29,8 +27,6 @@ from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect, printable
 from glider.progress import Progress, announced, silent
 
-_CLEARLY = 14.0  # Log odds above which an order is refused: a million to one.
-_DOUBT = 3.0  # The same for a warning: twenty to one.
 _REASONS = 3  # Number of reasons listed where recordings have no flight.
 
 
@@ -207,7 +203,6 @@ def _import(
     campaign = campaign_of_cuts(settings, cuts)
     undecided = list(dict.fromkeys(words for cut in cuts for words in cut.warnings))
     undecided += check_signs(campaign)
-    undecided += _check_rotation(recordings, cuts, claim)
     noted = dataclasses.replace(campaign, notes=tuple(undecided))
     return ImportResult(campaign=noted, recordings=cuts, undecided=tuple(undecided))
 
@@ -261,38 +256,33 @@ def cut_recordings(
     tracks = [make_track(r, mapping) for r in itertools.chain.from_iterable(parts)]
     tracks, warnings = _with_even_times(tracks, settings.pose_rate)
     found = [cut(track, settings.gravity) for track in tracks]
-    made = _extract(tracks, found, mapping, settings)
-    return tuple(own._replace(warnings=own.warnings + warnings) for own in made)
+    return _extract(tracks, found, mapping, settings, warnings)
 
 
 def _with_even_times(
     tracks: Sequence[Track], rate: float | None
 ) -> tuple[list[Track], tuple[str, ...]]:
-    """Restores even steps of recordings whose stamps jitter, and warns of them."""
-    logs = []
-    for track in tracks:
-        fresh = ~find_repeats(track.position, 2)
-        logs.append((track.time[fresh], track.position[fresh]))
-    found, words = find_even_times(logs, rate)
-    restored = [
-        track if even is None else _at_even_times(track, stamps, even)
-        for track, even, (stamps, _) in zip(tracks, found, logs, strict=True)
-    ]
+    """Restores even steps of recordings whose stamps jitter, and warns of them.
+
+    Logs of the servo that have the same stamps are restored with them.
+    """
+    found, words = find_even_times([(t.time, t.position) for t in tracks], rate)
+    restored = [*tracks]
+    for k, even in enumerate(found):
+        if even is None:
+            continue
+        track = tracks[k]
+        servo = track.servo._asdict()
+        for name, log in servo.items():
+            if log is not None and np.mean(np.isin(log.time, track.time)) > 0.5:
+                servo[name] = log._replace(time=even.at(log.time))
+        restored[k] = dataclasses.replace(
+            track,
+            time=even.at(track.time),
+            servo=ServoLogs(**servo),
+            jitter=even.jitter,
+        )
     return restored, (words,) if words else ()
-
-
-def _at_even_times(track: Track, stamps: np.ndarray, even: EvenTimes) -> Track:
-    """A recording at even times, and the servo's logs that have the same stamps."""
-    servo = track.servo._asdict()
-    for name, log in servo.items():
-        if log is not None and np.mean(np.isin(log.time, track.time)) > 0.5:
-            servo[name] = log._replace(time=even.at(stamps, log.time))
-    return dataclasses.replace(
-        track,
-        time=even.at(stamps, track.time),
-        servo=ServoLogs(**servo),
-        jitter=even.jitter,
-    )
 
 
 def campaign_of_cuts(
@@ -324,9 +314,11 @@ def _extract(
     found: list[tuple[list[Cut], list[str]]],
     mapping: Mapping,
     settings: Campaign,
+    warnings: tuple[str, ...] = (),
 ) -> tuple[_CutRecording, ...]:
     """Makes tables of the flights that were cut out of recordings."""
-    clocked, warnings = join_clocks(tracks, [cuts for cuts, _ in found], mapping)
+    clocked, of_clocks = join_clocks(tracks, [cuts for cuts, _ in found], mapping)
+    warnings = of_clocks + warnings
     recordings = []
     for clock, (cuts, of_cuts) in zip(clocked, found, strict=True):
         track = clock.track
@@ -373,30 +365,6 @@ def _center(angle: np.ndarray) -> np.ndarray:
     if np.max(np.abs(angle)) > turn:
         angle = angle - turn * np.round(angle / turn)
     return angle
-
-
-def _check_rotation(
-    recordings: Sequence[Recording], cuts: Sequence[_CutRecording], claim: Mapping
-) -> tuple[str, ...]:
-    """Warns of an order of Euler angles where another is likelier; refuses others."""
-    own = claim.frame.rotation or ("ZYX" if "roll" in claim.columns else None)
-    spans = [[f.span for f in c.flights] for c in cuts]
-    if own is None or len(own) != 3 or sum(map(len, spans)) < MIN_FLIGHTS:
-        return ()
-    frames = {o: dataclasses.replace(claim.frame, rotation=o) for o in (own, *ORDERS)}
-    claims = {o: dataclasses.replace(claim, frame=f) for o, f in frames.items()}
-    parts = [p for r in recordings for p in split_flights(r, claim.columns)]
-    flown = [pair for pair in zip(parts, spans, strict=True) if pair[1]]
-    scores = rank_rotations(flown, claims)
-    best = max(scores, key=lambda order: scores[order])
-    odds = scores[best] - scores[own]
-    words = (
-        f"frame: rotation: with {best} in place of {own} forces and the direction of "
-        f"flight are {np.exp(min(odds, 99.0)):.3g} times as likely"
-    )
-    if odds > _CLEARLY:
-        raise InputError(f"{claim.source}: {words}.")
-    return (f"{words}: check which it is",) if odds > _DOUBT else ()
 
 
 def _count(things: Sequence, what: str = "flight") -> str:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.campaign.checks.forces import join
+from glider.campaign.checks.forces import Motions
 from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.checks.servo import changes_of
 from glider.campaign.importing.cutting import Cut
@@ -35,17 +35,17 @@ _ONLY = 2.0
 best offset."""
 _ONLY_COMMON = 1.5  # The same of an offset of all recordings: chance fits few.
 _NEAR = 0.25  # [s]
-_ITERATIONS = 10  # Of Gauss-Newton in all offsets.
+_ITERATIONS = 20  # Of Gauss-Newton in all offsets.
 _COARSE = 0.015  # Standard error of one flight alone, where none is known [s].
 _FORM = 0.004  # Error by the form of the effect, see bench_clock [s].
 _ROUNDS = 3  # Of pooling the effect of all recordings, and searching each again.
-_LINES = 2  # Through the offsets of flights, each from the line before.
 _FEWEST_FLIGHTS = 4  # That show whether a clock gains.
 _FEWEST_ROWS = 20  # Of a flight that shows an offset of its own.
 _ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
 _OFF = 3.0  # Standard errors above which a clock that is specified is in doubt.
 
 _Follow = Callable[[float], float]  # From an offset [s] to the correlation.
+_Flown = tuple[Track, Sequence[Track]]  # A recording, and its flights.
 
 
 class _Offset(NamedTuple):
@@ -101,27 +101,24 @@ def join_clocks(
     tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
 ) -> tuple[list[_Clocked], tuple[str, ...]]:
     """Shifts the servos' logs of recordings onto the poses' clocks; and warnings."""
-    result = [_Clocked(track, [], 0.0) for track in tracks]
     clock = mapping.clock
     if clock is None:
-        logs = [(track, log) for track in tracks for log in track.servo.given]
-        differ = any(log.clock != track.clock for track, log in logs)
+        differ = any(log.clock != t.clock for t in tracks for log in t.servo.given)
         clock = "find" if differ else "same"
-    flying = []
-    pairs = []
+    flying: dict[int, _Flown] = {}
     for place, (track, cuts) in enumerate(zip(tracks, flights, strict=True)):
         if cuts and _has_servo(track):
-            flying.append(place)
-            pairs.append((track, [turn_along(piece.track) for piece in cuts]))
-    if clock == "same" or (clock == "find" and not flying):
-        return result, ()
-    if clock != "find":
-        ahead = float(clock)
-        std, warnings = _check_clock(pairs, ahead, mapping.source)
-        note = f"clock: shifted by {ahead:g} s, as specified"
-        offset = _Offset(ahead, 0.0, 0.0)
-        shifted = [_Clocked(_shift(track, offset), [note], std) for track in tracks]
+            flying[place] = track, [turn_along(piece.track) for piece in cuts]
+    pairs = [*flying.values()]
+    if clock not in ("same", "find"):
+        offset = _Offset(float(clock), 0.0, 0.0)
+        std, warnings = _check_clock(pairs, offset.seconds, mapping.source)
+        notes = [f"clock: shifted by {offset.seconds:g} s, as specified"]
+        shifted = [_Clocked(_shift(track, offset), notes, std) for track in tracks]
         return shifted, warnings
+    result = [_Clocked(track, [], 0.0) for track in tracks]
+    if clock == "same" or not flying:
+        return result, ()
     warnings = ()
     for place, offset in zip(flying, _find_offsets(pairs), strict=True):
         track = tracks[place]
@@ -146,7 +143,7 @@ def join_clocks(
 
 
 def _check_clock(
-    flying: Sequence[tuple[Track, Sequence[Track]]], clock: float, source: str
+    flying: Sequence[_Flown], clock: float, source: str
 ) -> tuple[float, tuple[str, ...]]:
     """Standard error [s] of a clock that a mapping specifies, and a warning if off.
 
@@ -225,7 +222,7 @@ class _Turning(NamedTuple):
         return self.square * np.sin(np.mean(angles, axis=0) - self.alpha)
 
 
-def _find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[_Offset]:
+def _find_offsets(recordings: Sequence[_Flown]) -> list[_Offset]:
     """Finds the offset of the elevator's clock in recordings, whole and cut to flights.
 
     If one offset fits all recordings it is taken: two clocks that ran on between them.
@@ -244,13 +241,14 @@ def _find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[_
     common = _search(offsets, _follow_pitch(turnings))
     several = len(recordings) > 1
     if not several:
-        (refined,) = _refine(turnings, [common])
+        (refined,) = _refine_each(turnings, [common], np.eye(1))
         offset = _find_rate(*recordings[0], refined)
         if not offset.is_sure():
             raise offset.refusal(turnings[0].track)
         return [offset]
     if common.is_sure(_ONLY_COMMON):
-        return _refine(turnings, [common] * len(recordings), common=True)
+        same = np.ones((len(recordings), 1))
+        return _refine_each(turnings, [common] * len(recordings), same)
     # A short flight alone is followed well at several offsets, by another effect each:
     # the effect is common to all.
     found = [_search(t.offsets, _follow_pitch([t])) for t in turnings]
@@ -262,41 +260,32 @@ def _find_offsets(recordings: Sequence[tuple[Track, Sequence[Track]]]) -> list[_
     for turning, offset in zip(turnings, found, strict=True):
         if not offset.is_sure():
             raise offset.refusal(turning.track)
-    return _refine(turnings, found)
+    return _refine_each(turnings, found, np.eye(len(found)))
 
 
 def _find_rate(track: Track, flights: Sequence[Track], common: _Offset) -> _Offset:
     """An offset with the rate of its clock, where a session's flights show one.
 
-    Each flight has an offset of its own, with the elevator's effect common to all; of a
-    clock that runs fast they are on a line.
+    The offsets of flights by a clock that runs fast are on a line.
     """
     turnings = [_turning_of(track, [flight]) for flight in flights]
     turnings = [t for t in turnings if len(t.time) >= _FEWEST_ROWS]
     if len(turnings) < _FEWEST_FLIGHTS:
         return common
-    middles = np.array([np.mean(t.time) for t in turnings])
-    since = middles - np.mean(middles)
-    design = np.column_stack([np.ones(len(turnings)), since])
-    own = [common] * len(turnings)
-    for _ in range(_LINES):
-        own = _refine(turnings, own)
-        seconds = np.array([offset.seconds for offset in own])
-        weights = 1.0 / np.array([offset.std for offset in own])
-        weighted = design * weights[:, None]
-        line, *_ = np.linalg.lstsq(weighted, seconds * weights, rcond=None)
-        own = [common._replace(seconds=float(value)) for value in design @ line]
-    ahead, rate = line.tolist()
-    left = weights * (seconds - design @ line)
-    spread = max(float(left @ left) / (len(left) - 2), 1.0)
-    covariance = spread * np.linalg.inv(weighted.T @ weighted)
-    if abs(rate) < _OFF * math.sqrt(covariance[1, 1]):
+    middles = np.array([np.mean(turning.time) for turning in turnings])
+    middle = float(np.mean(middles))
+    line = np.column_stack([np.ones(len(middles)), middles - middle])
+    start = np.full(len(middles), common.seconds)
+    offsets, covariance = _refine(turnings, start, line)
+    (ahead, rate), *_ = np.linalg.lstsq(line, offsets, rcond=None)
+    std, rate_std = np.sqrt(np.diagonal(covariance))
+    if abs(rate) < _OFF * rate_std:
         return common
     drifting = common._replace(
-        seconds=ahead,
-        std=math.hypot(math.sqrt(covariance[0, 0]), _FORM),
-        rate=rate,
-        middle=float(np.mean(middles)),
+        seconds=float(ahead),
+        std=math.hypot(std, _FORM),
+        rate=float(rate),
+        middle=middle,
     )
     shifted = _turning_of(_shift(track, drifting), flights)
     correlation = _follow_pitch([shifted])(0.0)
@@ -305,35 +294,54 @@ def _find_rate(track: Track, flights: Sequence[Track], common: _Offset) -> _Offs
     return drifting._replace(correlation=correlation)
 
 
-def _refine(
-    turnings: Sequence[_Turning], found: Sequence[_Offset], *, common: bool = False
+def _refine_each(
+    turnings: Sequence[_Turning], found: Sequence[_Offset], design: np.ndarray
 ) -> list[_Offset]:
-    """Offsets refined with the effect, by Gauss-Newton, and their standard errors."""
+    """Offsets of recordings as `_refine` finds them, and their standard errors."""
+    start = np.array([offset.seconds for offset in found])
+    offsets, covariance = _refine(turnings, start, design)
+    variances = np.diagonal(design @ covariance @ design.T)
+    stds = np.hypot(np.sqrt(variances), _FORM)
+    refined = []
+    for old, seconds, std in zip(found, offsets, stds, strict=True):
+        refined.append(old._replace(seconds=float(seconds), std=float(std)))
+    return refined
+
+
+def _refine(
+    turnings: Sequence[_Turning], start: np.ndarray, design: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Refines offsets together with the effect, by Gauss-Newton.
+
+    Args:
+        turnings: of n recordings or flights.
+        start: (n,) offsets [s].
+        design: (n, k) by how much each offset changes with each of k parameters.
+
+    Returns:
+        Offsets (n,) [s], and the covariance of the parameters (k, k).
+    """
     base, target = _stack(turnings)
-    place = np.zeros(len(found), int) if common else np.arange(len(found))
-    own = np.repeat(place, [len(turning.target) for turning in turnings])
-    offsets = np.array([offset.seconds for offset in found])
-    std = np.full(len(found), _COARSE)
+    by_row = np.repeat(design, [len(turning.target) for turning in turnings], axis=0)
     # Rows within the window of one cubic are not independent.
     rate = 1.0 / np.median(np.diff(turnings[0].track.time))
     dependent = max(SPAN * rate, 1.0)
+    offsets = start.astype(float)
     for _ in range(_ITERATIONS):
         gain = _pool(turnings, offsets)[-1]
         after = _join_columns(turnings, offsets + _STEP)
         before = _join_columns(turnings, offsets - _STEP)
-        shifts = np.zeros((len(own), place[-1] + 1))
-        shifts[np.arange(len(own)), own] = gain * (after - before) / (2.0 * _STEP)
-        design = np.column_stack([base, _join_columns(turnings, offsets), shifts])
-        step = np.linalg.lstsq(design, target, rcond=None)[0]
-        offsets += np.clip(step[5:], -_STEP, _STEP)[place]
-        variance = np.mean((target - design @ step) ** 2) * dependent
-        covariance = variance * np.linalg.pinv(design.T @ design)
-        std = np.sqrt(np.diagonal(covariance)[5:])[place]
-    errors = np.hypot(std, _FORM)
-    refined = []
-    for old, seconds, error in zip(found, offsets, errors, strict=True):
-        refined.append(old._replace(seconds=float(seconds), std=float(error)))
-    return refined
+        slope = gain * (after - before) / (2.0 * _STEP)
+        column = _join_columns(turnings, offsets)
+        columns = np.column_stack([base, column, slope[:, None] * by_row])
+        step = np.linalg.lstsq(columns, target, rcond=None)[0]
+        change = design @ step[-design.shape[1] :]
+        offsets += change * min(1.0, _STEP / max(np.max(np.abs(change)), 1e-12))
+    left = target - columns @ step
+    variance = np.mean(left**2) * dependent
+    covariance = variance * np.linalg.pinv(columns.T @ columns)
+    parameters = slice(-design.shape[1], None)
+    return offsets, covariance[parameters, parameters]
 
 
 def _stack(turnings: Sequence[_Turning]) -> tuple[np.ndarray, np.ndarray]:
@@ -368,7 +376,8 @@ def _search(offsets: np.ndarray, follow: _Follow) -> _Offset:
 def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
     elevator = track.servo.elevator or track.servo.angle_command
     assert elevator is not None
-    motion = join([calc_motion(f.time, planar_pose(f)) for f in flights])
+    each = (calc_motion(flight.time, planar_pose(flight)) for flight in flights)
+    motion = Motions(tuple(each)).joined
     vx, vz, rate = motion.velocity.T
     speed = motion.speed
     alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 
-class Format(NamedTuple):
+class _Format(NamedTuple):
     """A format of files."""
 
     name: str  #: As it stands in lists and messages.
@@ -12,19 +12,19 @@ class Format(NamedTuple):
 
 
 FORMATS = (
-    Format("CSV", (".csv", ".txt", ".tsv")),
-    Format("Excel .xlsx", (".xlsx", ".xlsm"), "openpyxl"),
-    Format("OptiTrack Motive CSV"),
-    Format("Vicon CSV"),
-    Format("Qualisys TSV"),
-    Format("OpenSim TRC", (".trc",)),
-    Format("C3D", (".c3d",), "ezc3d"),
-    Format("PX4 ULog", (".ulg",), "pyulog"),
-    Format("ArduPilot DataFlash", (".bin", ".log"), "pymavlink"),
-    Format("MATLAB .mat", (".mat",), "pymatreader"),
-    Format("MCAP", (".mcap",), "mcap"),
-    Format("ROS bag", (".bag", ".db3"), "rosbags"),
-    Format("Parquet", (".parquet",), "pyarrow"),
+    _Format("CSV", (".csv", ".txt", ".tsv")),
+    _Format("Excel .xlsx", (".xlsx", ".xlsm"), "openpyxl"),
+    _Format("OptiTrack Motive CSV"),
+    _Format("Vicon CSV"),
+    _Format("Qualisys TSV"),
+    _Format("OpenSim TRC", (".trc",)),
+    _Format("C3D", (".c3d",), "ezc3d"),
+    _Format("PX4 ULog", (".ulg",), "pyulog"),
+    _Format("ArduPilot DataFlash", (".bin", ".log"), "pymavlink"),
+    _Format("MATLAB .mat", (".mat",), "pymatreader"),
+    _Format("MCAP", (".mcap",), "mcap"),
+    _Format("ROS bag", (".bag", ".db3"), "rosbags"),
+    _Format("Parquet", (".parquet",), "pyarrow"),
 )
 
 SUFFIXES = tuple(suffix for format in FORMATS for suffix in format.suffixes)

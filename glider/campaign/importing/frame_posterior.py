@@ -28,7 +28,7 @@ from glider.campaign.importing.track import Track, make_track, take, turn_along
 from glider.campaign.settings import AXES, Mapping, unit_vector
 from glider.physics.parameters import GliderParameters
 
-Fields = dict[str, str]  # Fields of `frame:`.
+_Fields = dict[str, str]  # Fields of `frame:`.
 _Spans = Sequence[tuple[float, float]]  # First and last time of flights [s].
 _Flight = tuple[Motion, np.ndarray]
 """Rows of a flight where z is up: position, and rotations (k, 3, 3) from the body."""
@@ -45,9 +45,7 @@ gliders have a normal force of 0.5 to 1.4, an axial one of 0.06, a camber of 0.1
 _OFFSET = 1.0  # Deviation of b [m/s²].
 _NOISES = np.geomspace(0.3, 8.0, 8)  # Of accelerations, equally likely [m/s²].
 _ANY = 10.0  # Deviation of accelerations in a hand or at a contact [m/s²].
-_ASTRAY = 0.1  # Prior of a row that it is one of these.
 _FAST = 0.8  # Quantile of steps above which a body flies: not in a hand.
-_FAR = 4.0  # Median residuals from which it is; of Gaussian ones 1e-7 are.
 _TOWARD = 3.0
 """Concentration (von Mises-Fisher) of mean paths at the nose and of the vertical at
 the top of the body: 40 degrees off are usual."""
@@ -61,17 +59,17 @@ _SAME = 0.02  # Difference of rotations up to which two readings are one.
 
 def rank_frames(
     logs: Sequence[Recording],
-    claim: Callable[[Fields], Mapping],
-    readings: Sequence[tuple[Fields, float]],
+    claim: Callable[[_Fields], Mapping],
+    readings: Sequence[tuple[_Fields, float]],
     usual: str,
-) -> list[tuple[Fields, float]]:
+) -> list[tuple[_Fields, float]]:
     """Frames with their probabilities, the best first; none where there is no flight.
 
     Readings are fields that say how angles are read, each with its prior; `usual` is
     the axis that points up in most logs like these, or "".
     """
-    found: list[tuple[Fields, float]] = []
-    ways: list[tuple[Fields, float, list[Track]]] = []
+    found: list[tuple[_Fields, float]] = []
+    ways: list[tuple[_Fields, float, list[Track]]] = []
     for reading, prior in readings:
         tracks = [make_track(log, claim({"up": "z"} | reading)) for log in logs]
         if not any(all(map(_is_same, tracks, others)) for _, _, others in ways):
@@ -90,18 +88,6 @@ def rank_frames(
     return sorted(shares, key=lambda share: -share[1])
 
 
-def rank_rotations(
-    logs: Sequence[tuple[Recording, _Spans]], claims: dict[str, Mapping]
-) -> dict[str, float]:
-    """Log likelihoods of mappings that differ in how rotations are read."""
-    scores: dict[str, float] = {}
-    for order, claim in claims.items():
-        tracks = [(make_track(log, claim), spans) for log, spans in logs[:_MOST]]
-        flights = [_turn(t, np.eye(3), span) for t, each in tracks for span in each]
-        scores[order] = sum(score for _, score in _judge(flights, "z", True))
-    return scores
-
-
 def _is_same(one: Track, other: Track) -> bool:
     a = one.rotation
     b = other.rotation
@@ -110,7 +96,7 @@ def _is_same(one: Track, other: Track) -> bool:
 
 def _worlds(
     tracks: Sequence[Track], usual: str
-) -> Iterator[tuple[Fields, np.ndarray, float]]:
+) -> Iterator[tuple[_Fields, np.ndarray, float]]:
     """Yields frames of the log with their axes (rows forward, left, up) and priors."""
     rest = (1.0 - _USUAL) / (1.0 - _UP[usual]) if usual else 1.0
     priors = {up: _USUAL if up == usual else rest * _UP[up] for up in AXES}
@@ -155,7 +141,7 @@ def _turn(track: Track, axes: np.ndarray, span: tuple[float, float]) -> _Flight:
 
 def _judge(
     flights: Sequence[_Flight], up: str, known: bool
-) -> Iterator[tuple[Fields, float]]:
+) -> Iterator[tuple[_Fields, float]]:
     """Yields axes of the body with their log probabilities (up to a constant).
 
     If they are known already the nose is x, the top z.
@@ -198,21 +184,11 @@ class _Forces:
         rows = np.repeat(np.eye(len(flights)), [len(turn) for _, turn in flights], 0)
         offsets = np.einsum("nf,cd->ncfd", rows, np.eye(3)).reshape(len(turn), 3, -1)
         design = np.dstack([forces, offsets])
-        own = np.ones(len(turn), dtype=bool)
-        target = acceleration - _DOWN
-        for _ in range(4):  # Rows that forces of any body explain.
-            part = design[own].reshape(-1, design.shape[2])
-            square = part.T @ part + np.eye(design.shape[2])
-            fitted = np.linalg.solve(square, part.T @ target[own].reshape(-1))
-            rest = np.linalg.norm(target - design @ fitted, axis=1)
-            own = rest < _FAR * max(float(np.median(rest[own])), _NOISES[0])
-        size = 3 * int(np.sum(own))
-        acceleration = acceleration[own]
-        self._design = design[own].reshape(size, -1)
-        self._target = target[own].reshape(-1)
+        size = 3 * len(turn)
+        self._design = design.reshape(size, -1)
+        self._target = (acceleration - _DOWN).reshape(size)
         self._square = self._design.T @ self._design
         self._other = -size * np.log(_ANY) - 0.5 * np.sum((acceleration / _ANY) ** 2)
-        self._other -= np.sum(~own) * np.log(_ASTRAY)
 
     def evidence(self, axes: np.ndarray) -> float:
         """Log likelihood over that of any motion; rows of axes are nose, left, top."""

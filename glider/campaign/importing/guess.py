@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from glider.campaign.checks.fall import check_fall
-from glider.campaign.checks.forces import fit_elevator, measure_motions
+from glider.campaign.checks.forces import check_fall, fit_elevator, measure_motions
 from glider.campaign.checks.frame import SIGNIFICANT, check_signs
 from glider.campaign.checks.servo import follow_sign, measure_elevators
 from glider.campaign.importing.campaign_import import (
@@ -26,7 +25,7 @@ from glider.campaign.importing.campaign_import import (
     cut_recordings,
     read_logs,
 )
-from glider.campaign.importing.frame_posterior import Fields, rank_frames
+from glider.campaign.importing.frame_posterior import rank_frames
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import UNITS, Recording, split_suffix
 from glider.campaign.importing.splitting import split_flights
@@ -89,7 +88,8 @@ _CERTAIN = 0.99  # Probability above which nothing is asked: one wrong in a hund
 _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
 _MAX_FILES = 12  # Recordings that are read.
 
-Columns = dict[str, Any]  # By quantity: names, of times a list.
+_Columns = dict[str, Any]  # By quantity: names, of times a list.
+_Fields = dict[str, str]  # Of `frame:`.
 
 
 class Guess(NamedTuple):
@@ -110,7 +110,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     reasons = {} if known else _guess_units(recordings, columns)
     units = {kind: yaml.safe_load(unit) for kind, (unit, _) in reasons.items()}
 
-    def claim(frame: Fields) -> Mapping:
+    def claim(frame: _Fields) -> Mapping:
         fields = {"columns": columns, "units": units, "frame": frame}
         claimed = schema.convert(fields, Settings, "the guess").mapping("the guess")
         assert claimed is not None
@@ -168,7 +168,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     return Guess(text, campaign, probability)
 
 
-def guess_columns(files: Sequence[Path]) -> Columns:
+def guess_columns(files: Sequence[Path]) -> _Columns:
     """The columns that names tell, by quantity, also where they make no flights."""
     recordings, _ = _read(sorted(map(Path, files)))
     found = _find(recordings[0])
@@ -214,7 +214,9 @@ def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
     return campaign_of_cuts(settings, cuts)
 
 
-def _priors(log: Recording, columns: Columns) -> tuple[list[tuple[Fields, float]], str]:
+def _priors(
+    log: Recording, columns: _Columns
+) -> tuple[list[tuple[_Fields, float]], str]:
     """Ways to read the attitude with their priors, and the usual axis that is up."""
     z = _words(columns.get("z", "z"))
     usual = log.up
@@ -233,7 +235,7 @@ def _priors(log: Recording, columns: Columns) -> tuple[list[tuple[Fields, float]
     return [({"rotation": order}, prior) for order, prior in orders.items()], usual
 
 
-def _explain(ranked: Sequence[tuple[Fields, float]]) -> list[str]:
+def _explain(ranked: Sequence[tuple[_Fields, float]]) -> list[str]:
     """How certain the best frame is; if it is not, the question to be answered."""
     (best, probability), (rival, other) = ranked[0], ranked[min(1, len(ranked) - 1)]
     if probability >= _CERTAIN:
@@ -245,7 +247,7 @@ def _explain(ranked: Sequence[tuple[Fields, float]]) -> list[str]:
     return [odds, f"  # what is {asked}? In the picture, arrows point to the nose."]
 
 
-def _guess_elevator(campaign: Campaign, frame: Fields) -> str:
+def _guess_elevator(campaign: Campaign, frame: _Fields) -> str:
     """Sets the signs of elevator and command in a frame; returns the reason."""
     motions = measure_motions(campaign.flights, {})
     effect = fit_elevator(campaign, motions)[0]
@@ -286,7 +288,7 @@ def _addresses(log: Recording) -> list[str]:
     ]
 
 
-def _guess_columns(log: Recording) -> Columns:
+def _guess_columns(log: Recording) -> _Columns:
     """Finds columns by quantity; refuses logs without those of a pose."""
     columns = _find(log)
     if not _has_pose(columns):
@@ -300,17 +302,17 @@ def _guess_columns(log: Recording) -> Columns:
     return {q: columns[q] for q in QUANTITIES if q in columns}
 
 
-def _has_pose(columns: Columns) -> bool:
+def _has_pose(columns: _Columns) -> bool:
     has_place = "position" in columns or {"x", "z"} <= set(columns)
     return has_place and bool({"attitude", "pitch"} & set(columns))
 
 
-def _find(log: Recording) -> Columns:
+def _find(log: Recording) -> _Columns:
     """Columns by quantity, those that are recognized."""
     if {"position", "attitude"} <= log.known.keys():
         return dict(log.known)
     names = [name for name in _addresses(log) if not _IS_TIME(name)]
-    columns: Columns = {}
+    columns: _Columns = {}
     bare = [split_suffix(name)[0] for name in names]
     first = (re.fullmatch(r"(.+?)(\[?0\]?|[._ ]?[xX])", name) for name in bare)
     stems = list(dict.fromkeys(match[1] for match in first if match))
@@ -349,7 +351,7 @@ def _find(log: Recording) -> Columns:
     return columns
 
 
-def _is_angle(log: Recording, columns: Columns) -> bool:
+def _is_angle(log: Recording, columns: _Columns) -> bool:
     """Whether commands are angles: by their unit, or as the elevator has them."""
     command, unit = _values(log, columns[_RATE])
     if unit or _are_pulses(command):
@@ -385,7 +387,7 @@ def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
 
 
 def _guess_units(
-    logs: Sequence[Recording], columns: Columns
+    logs: Sequence[Recording], columns: _Columns
 ) -> dict[str, tuple[str, str]]:
     """Units that the files do not report, by the ranges of the columns, and why."""
     units: dict[str, tuple[str, str]] = {}

@@ -174,7 +174,7 @@ def need(module: str, path: Path) -> ModuleType:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Scale:
+class _Scale:
     """SI value = gain (logged value - zero)."""
 
     gain: float = 1.0
@@ -188,7 +188,7 @@ class Scale:
         expect(fits, "units: [gain, zero]", both, numbers)
 
 
-Unit = str | Scale  # A unit's name, or a calibration.
+Unit = str | _Scale  # A unit's name, or a calibration.
 
 
 def spell(text: str) -> str | None:
@@ -203,9 +203,9 @@ def split_suffix(name: str) -> tuple[str, str | None]:
     return (name[: suffix.start()], spell(suffix[1])) if suffix else (name, None)
 
 
-def scale_of(unit: Unit, kind: str, source: str) -> Scale:
+def scale_of(unit: Unit, kind: str, source: str) -> _Scale:
     """Scale of a unit of a kind; the source is for the message."""
-    if isinstance(unit, Scale):
+    if isinstance(unit, _Scale):
         return unit
     factors = UNITS[kind]
     spelled = spell(unit)
@@ -214,4 +214,4 @@ def scale_of(unit: Unit, kind: str, source: str) -> Scale:
             f"{source}: found {show(unit)}; expected one of {', '.join(factors)}, "
             "or {gain: ..., zero: ...} for gain * (logged - zero)."
         )
-    return Scale(gain=factors[spelled])
+    return _Scale(gain=factors[spelled])

@@ -159,10 +159,7 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
     if track.rotation is None:
         assert track.pitch is not None
         return track.pitch, None
-    turn = track.rotation
-    yaw = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
-    pitch = -np.arcsin(np.clip(turn[:, 2, 0], -1.0, 1.0))
-    roll = np.arctan2(turn[:, 2, 1], turn[:, 2, 2])
+    yaw, pitch, roll = Rotation.from_matrix(track.rotation).as_euler("ZYX").T
     over = np.abs(roll) > 0.5 * np.pi
     ways = np.array([[roll, pitch, yaw], [roll + np.pi, np.pi - pitch, yaw + np.pi]])
     turns = np.exp(1j * ways)

@@ -9,12 +9,11 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import ndtr, ndtri, stdtr
+from scipy.special import ndtr, ndtri
 
 from glider.campaign.smoothing import smoothing_maps
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import FLOW_VARIABLES
 from glider.physics.state import NUM_STATES
 from glider.sysid import constants
 from glider.sysid.fit.prediction import (
@@ -24,22 +23,17 @@ from glider.sysid.fit.prediction import (
     near_median,
     of_launch,
 )
-from glider.sysid.likelihood.filtering import negative_log_likelihood, start_variances
-from glider.sysid.likelihood.fitted_functions import values_at_nodes, variables_between
+from glider.sysid.likelihood.filtering import start_variances
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
-from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scales import Scales
-from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Record
 from glider.sysid.result import EquationErrors, Errors
 
-STATES = "alpha", "V", "pitchdot", "elevator_rate"  # That turbulence does not know.
 _REPLICAS = 100  # Of a flight: see `Floor.accuracy`.
 _LARGEST = 10.0  # Error above which a replica or a model says nothing [m].
 _GROWTH = 1.0 / np.sqrt(np.finfo(float).eps)
 """Growth of deviations along a flight, in any units, up to which it can be predicted:
 beyond, normal equations, where it is squared, keep no digit of a launch."""
-_STEP = 0.1  # Of the logarithm of gusts, for slopes of the likelihood.
 _TRANSLATED = [0, 1, 4, 5]  # States that are fitted along the measured pitch,
 _TURNED = [PITCH, PITCH_RATE]  # and those that are measured.
 
@@ -213,59 +207,3 @@ def _flown(moves: np.ndarray, shocks: np.ndarray) -> np.ndarray:
     for k, move in enumerate(moves):
         shocks[k + 1] += move @ shocks[k]
     return shocks
-
-
-def air_depends_on(task: Task, model: FitResult) -> tuple[str, ...]:
-    """Finds states of the glider that the gusts of a model depend on.
-
-    Turbulence depends on none; errors of a model do. Gusts vary as exp(b φ) with the
-    ranks φ of a state's size, from -1 to 1: flights are independent, and Student's t
-    compares the slopes of their likelihoods over b at zero, the overall strength
-    eliminated. They vary by no less than the likelihood's information says.
-    """
-    count = len(task.records)
-    if model.scales.is_still or count < 3:
-        return ()
-    # The flights' constants, about which they are linear, count as known.
-    scales = dataclasses.replace(model.scales, wind=1e-9, trim=1e-9, pitch_zero=1e-9)
-    flights = error_flights(task, model)
-    for flight in flights:
-        flight.start[len(flight.states) :] = 0.0
-    places = np.cumsum([len(flight.by_air) for flight in flights])[:-1]
-
-    here = negative_log_likelihood(flights, scales)
-
-    def slopes(ranks: np.ndarray) -> tuple[np.ndarray, float]:
-        """Of each flight's log-likelihood over b, (F,), and the variance of their sum.
-
-        The variance is the information of the likelihood, by its curvature.
-        """
-        costs = []
-        for step in (-_STEP, _STEP):
-            factors = np.split(np.exp(step * ranks)[:, None, None], places)
-            moved = [
-                dataclasses.replace(flight, by_air=flight.by_air * own)
-                for flight, own in zip(flights, factors, strict=True)
-            ]
-            costs.append(negative_log_likelihood(moved, scales))
-        curvature = (costs[0] - 2.0 * here + costs[1]) / _STEP**2
-        return (costs[0] - costs[1]) / (2.0 * _STEP), float(curvature.sum())
-
-    theta = model.theta
-    nodes = [values_at_nodes(flight, theta, model.gaussians) for flight in flights]
-    values = [variables_between(own) for own in nodes]
-    sizes = np.abs(np.concatenate(values))
-    overall, _ = slopes(np.ones(len(sizes)))
-    found = {}
-    for variable in STATES:
-        own = sizes[:, FLOW_VARIABLES.index(variable)]
-        if np.ptp(own) > 0.0:
-            ranks = np.argsort(np.argsort(own)) * (2.0 / len(own)) - 1.0
-            gains, information = slopes(ranks)
-            gains -= (gains @ overall) / (overall @ overall) * overall
-            # Slopes of a few flights may be alike by chance.
-            variance = max(count * gains.var(ddof=1), information)
-            found[variable] = abs(gains.sum()) / np.sqrt(variance)
-    chances = {n: 2.0 * len(found) * stdtr(count - 1, -t) for n, t in found.items()}
-    names = sorted(found, key=lambda name: -found[name])
-    return tuple(name for name in names if chances[name] < constants.UNLIKELY)

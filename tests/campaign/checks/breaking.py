@@ -20,6 +20,11 @@ def with_pose(flight: Flight, pose: np.ndarray) -> Flight:
     return dataclasses.replace(flight, pose=pose)
 
 
+def values(column: str, edit):
+    """Makes `edit(values)` of one column of a flight: "time", "pose", ..."""
+    return lambda f: dataclasses.replace(f, **{column: edit(getattr(f, column))})
+
+
 def scale(*factors):
     """Multiplies x, z and pitch."""
     return lambda f: with_pose(f, f.pose * np.array(factors))
@@ -52,7 +57,7 @@ def level(rng):
 
 
 def stretch_time(factor):
-    return lambda f: dataclasses.replace(f, time=f.time * factor)
+    return values("time", lambda time: time * factor)
 
 
 def backwards(flight: Flight) -> Flight:

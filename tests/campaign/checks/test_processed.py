@@ -1,13 +1,12 @@
 """Poses that software has filtered or filled are known from their noise."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt
 
 from glider.campaign.checks.rows import find_faults, find_filled
 from glider.campaign.reader import load_campaign
+from tests.campaign.checks import breaking as b
 from tests.helpers.campaigns import LIFELIKE, PRACTICE, campaign_path
 from tests.helpers.tasks import fly
 
@@ -19,12 +18,6 @@ def campaign():
     return fly(flights=4)
 
 
-def changed(campaign, change):
-    """Returns a campaign with the poses of each flight changed."""
-    flights = [dataclasses.replace(f, pose=change(f.pose)) for f in campaign.flights]
-    return dataclasses.replace(campaign, flights=tuple(flights))
-
-
 def low_pass(hertz, rate=120.0):
     numbers = butter(2, hertz / (0.5 * rate))
     return lambda pose: filtfilt(*numbers, pose, axis=0)
@@ -32,7 +25,9 @@ def low_pass(hertz, rate=120.0):
 
 @pytest.mark.parametrize("hertz", [6.0, 15.0, 30.0, 40.0])
 def test_filtered_poses_are_warned_of(campaign, hertz):
-    (warning,) = find_faults(changed(campaign, low_pass(hertz))).warnings
+    (warning,) = find_faults(
+        b.change(campaign, b.values("pose", low_pass(hertz)))
+    ).warnings
     assert "they were filtered, or simulated without noise" in warning
 
 
@@ -52,7 +47,7 @@ def fill(pose, first=FILLED.start, last=FILLED.stop):
 
 
 def test_rows_on_a_straight_line_are_excluded_as_filled(campaign):
-    found = find_faults(changed(campaign, fill))
+    found = find_faults(b.change(campaign, b.values("pose", fill)))
     lines = f"{FILLED.start + 2}-{FILLED.stop + 1}"
     for flight in campaign.flights:
         mask = found.masks[flight.name].pose

@@ -8,6 +8,7 @@ import pytest
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.rates import check_rates
 from glider.errors import InputError
+from tests.campaign.checks import breaking as b
 from tests.helpers.tasks import fly
 
 
@@ -16,17 +17,11 @@ def campaign():
     return fly(flights=4)
 
 
-def timed(campaign, change):
-    """Returns the campaign with the times of each flight changed."""
-    flights = [dataclasses.replace(f, time=change(f.time)) for f in campaign.flights]
-    return dataclasses.replace(campaign, flights=tuple(flights))
-
-
 @pytest.mark.parametrize("share", [1.05, 0.95, 1.03])
 def test_a_clock_that_is_off_is_refused(campaign, share):
     words = f"it runs {share:.3g} times too fast"
     with pytest.raises(InputError, match=f"'command_rate' says 50; .*{words}"):
-        inspect(timed(campaign, lambda time: share * time))
+        inspect(b.change(campaign, b.stretch_time(share)))
 
 
 def test_a_pose_rate_that_is_wrong_alone_is_warned_of(campaign):
@@ -48,21 +43,11 @@ def test_a_pose_rate_that_is_wrong_alone_is_warned_of(campaign):
     ids=["as it is", "in milliseconds", "a little off", "that jitters"],
 )
 def test_a_clock_that_is_right_passes(campaign, change):
-    assert check_rates(timed(campaign, change)) == ()
+    timed = b.change(campaign, b.values("time", change))
+    assert check_rates(timed) == ()
 
 
 def test_rows_that_are_missing_or_left_out_pass(campaign):
     rng = np.random.default_rng(0)
-    for rows in (lambda n: rng.random(n) > 0.2, lambda n: np.arange(n) % 2 == 0):
-        flights = [
-            dataclasses.replace(
-                f,
-                time=f.time[keep],
-                pose=f.pose[keep],
-                elevator=f.elevator[keep],
-                command=f.command[keep],
-            )
-            for f in campaign.flights
-            for keep in [rows(len(f.time))]
-        ]
-        assert check_rates(dataclasses.replace(campaign, flights=tuple(flights))) == ()
+    for edit in (b.lose_some(0.2, rng), b.thin(2)):
+        assert check_rates(b.change(campaign, edit)) == ()

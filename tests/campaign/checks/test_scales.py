@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glider.campaign.checks.fall import check_fall, measure_fall
-from glider.campaign.checks.forces import measure_motions
+from glider.campaign.checks.forces import _measure_fall, check_fall, measure_motions
 from glider.campaign.checks.inspection import inspect
-from glider.campaign.checks.servo import calc_travel, measure_elevators
+from glider.campaign.checks.servo import _calc_travel, measure_elevators
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS
@@ -66,7 +65,7 @@ def test_a_scale_that_is_a_little_off_is_warned_of(campaign):
 def test_few_flights_say_how_little_they_show(campaign):
     """The stated error covers the true one."""
     for count in (3, 5, 10, 40):
-        fall, error = measure_fall(measure_motions(campaign.flights[:count], {}))
+        fall, error = _measure_fall(measure_motions(campaign.flights[:count], {}))
         assert abs(np.log(fall / 9.81)) < 2.0 * error
         assert error < 0.15
 
@@ -116,5 +115,5 @@ def test_a_servo_that_is_geared_differently_is_refused(campaign, gear):
     ],
 )
 def test_a_slow_servo_turns_as_far_as_commanded(kind, values):
-    gain, error = calc_travel(measure_elevators(fly((KINDS[kind](**values),)), {}))
+    gain, error = _calc_travel(measure_elevators(fly((KINDS[kind](**values),)), {}))
     assert abs(np.log(gain)) < max(0.03, 4.0 * error)

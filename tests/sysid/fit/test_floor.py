@@ -11,10 +11,9 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit import floor as floors
-from glider.sysid.fit.floor import air_depends_on, find_floor
+from glider.sysid.fit.floor import find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.scales import FLOOR
 from glider.sysid.replay.log_space import vector_of
 from glider.sysid.result import EquationErrors, Spread
@@ -136,28 +135,6 @@ def test_what_a_perfect_model_may_leave_is_as_the_replicas_say(still):
     assert floor.most_by_chance(8) == np.inf > floor.most_by_chance(3)
 
 
-def test_turbulence_does_not_know_the_state_of_the_glider(turbulent):
-    task, noise = task_of(turbulent[0])
-    model = fit_model(task, begin(task, noise, ("elevator_trim",)))
-    assert model.scales.air == pytest.approx(turbulent[1].air_std, rel=0.2)
-    assert air_depends_on(task, model) == ()
-
-
-def test_gusts_that_stand_for_a_stall_do():
-    campaign, _ = draw_campaign(
-        4,
-        16,
-        [("attached_lift", "soft")],
-        moving_air=False,
-        spreads=False,
-        broken=False,
-    )
-    task, noise = task_of(campaign)
-    model = fit_model(task, begin(task, noise), iterations=1)
-    assert model.scales.air > 0.05
-    assert {"alpha", "V"} & set(air_depends_on(task, model))
-
-
 def test_only_reported_variations_are_in_the_floor():
     """Errors of a formula look like small trims: a perfect model has none of them."""
     scales = dataclasses.replace(FLOOR, air=0.1, trim=0.002, wind=0.1, servo=0.01)
@@ -166,9 +143,8 @@ def test_only_reported_variations_are_in_the_floor():
         model=types.SimpleNamespace(scales=scales, kinds=("wind",), functions=()),
     )
     wind = Spread(std=0.08, std_error=0.01, unit="m/s", values={})
-    truth = without_model_errors(traced, (), {"wind": wind})
+    truth = without_model_errors(traced, {"wind": wind})
     assert truth == dataclasses.replace(FLOOR, air=0.1, wind=0.08).without_floors
-    assert without_model_errors(traced, ("V",), {}) == FLOOR.without_floors
 
 
 def test_where_nothing_was_found_all_variations_are_in_the_floor():
@@ -177,7 +153,7 @@ def test_where_nothing_was_found_all_variations_are_in_the_floor():
     traced = types.SimpleNamespace(
         forces=None, model=types.SimpleNamespace(scales=scales, kinds=(), functions=())
     )
-    truth = without_model_errors(traced, (), {})
+    truth = without_model_errors(traced, {})
     assert truth == dataclasses.replace(FLOOR, trim=0.002, wind=0.04).without_floors
 
 

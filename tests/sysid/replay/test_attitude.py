@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from glider.campaign.checks.planarity import in_plane, normal, planar_pitch
+from glider.campaign.checks.planarity import _normal, in_plane, planar_pitch
 from glider.sysid.replay.record import measure_noise, prepare
 from tests.helpers.tasks import fly
 
@@ -29,7 +29,7 @@ def turned(pitch, roll, yaw):
 def test_the_normal_is_the_bodys_third_axis(attitude):
     pitch, roll, yaw = (np.array([a]) for a in attitude)
     expected = turned(*attitude).apply([0.0, 0.0, 1.0])
-    np.testing.assert_allclose(normal(pitch, roll, yaw)[0], expected, atol=1e-12)
+    np.testing.assert_allclose(_normal(pitch, roll, yaw)[0], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("attitude", ATTITUDES, ids=str)

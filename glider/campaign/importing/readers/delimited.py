@@ -9,7 +9,7 @@ import gzip
 import math
 import re
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ _FRAMES = re.compile(r"\d:\d\d:\d\d:\d")  # hh:mm:ss:ff, the last counts frames.
 _MIN_ROWS = 3
 _DAY_ZERO = datetime.datetime(1970, 1, 1)
 
-Rows = Sequence[Sequence[str]]
+_Rows = Sequence[Sequence[str]]
 _NumberedRows = Sequence[tuple[int, Sequence[str]]]
 """Cells of rows, with their lines in the file."""
 
@@ -77,7 +77,7 @@ def parse(path: Path, text: str) -> Recording:
     return parse_rows(path, rows)
 
 
-def parse_rows(path: Path, rows: Rows) -> Recording:
+def parse_rows(path: Path, rows: _Rows) -> Recording:
     """Parses rows of cells, their header included; decimals may have a comma.
 
     The header is what stands before the first of the rows of numbers: its last row
@@ -143,7 +143,7 @@ def _split_words(header: str) -> list[str]:
     return [word for word in re.split(r"[\s,;|]+", joined) if word]
 
 
-def number_rows(rows: Rows, first: int, last: int | None = None) -> _NumberedRows:
+def number_rows(rows: _Rows, first: int, last: int | None = None) -> _NumberedRows:
     """Some rows of a file that are not blank, with their lines."""
     return [(i, row) for i, row in enumerate(rows[first:last], first + 1) if any(row)]
 
@@ -170,11 +170,6 @@ def make_column(name: str, rows: _NumberedRows, j: int, unit: str | None) -> Col
     expected = times if ":" in cell else "a number"
     fault = f"column '{name}', row {line}: found {show(cell)}; expected {expected}."
     return Column(values, unit, fault, labels=cells)
-
-
-def text_column(name: str, cells: Iterable[Any]) -> Column:
-    """A column of texts, dates or numbers of any kind; rows are counted from 0."""
-    return make_column(name, [(i, [as_text(c)]) for i, c in enumerate(cells)], 0, None)
 
 
 def as_text(value: Any) -> str:
@@ -205,7 +200,7 @@ def _find_delimiter(lines: Sequence[str]) -> str:
     return max(";\t,| ", key=count)
 
 
-def _first_data_row(rows: Rows) -> int | None:
+def _first_data_row(rows: _Rows) -> int | None:
     """The first row of numbers that is followed by some more like it."""
 
     def has_numbers(row: Sequence[str]) -> bool:

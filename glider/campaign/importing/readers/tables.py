@@ -47,8 +47,10 @@ def to_columns(name: str, values: Any) -> dict[str, Column]:
     if array.dtype.kind in "mM":
         return {name: Column((array - array[:1]) / np.timedelta64(1, "s"), "s")}
     if array.dtype.kind in "fiub":
-        return {own: Column(part) for own, part in vectors(name, array)}
-    return {name: delimited.text_column(name, array.ravel().tolist())}
+        return {own: Column(part) for own, part in _vectors(name, array)}
+    cells = array.ravel().tolist()  # Texts, dates or numbers of any kind.
+    rows = [(i, [delimited.as_text(cell)]) for i, cell in enumerate(cells)]
+    return {name: delimited.make_column(name, rows, 0, None)}
 
 
 def read_mat(path: Path) -> list[Recording]:
@@ -78,7 +80,7 @@ def read_mat(path: Path) -> list[Recording]:
         for own, name, array in arrays:
             if own == place[: len(own)]:
                 parent, _, last = name.rpartition(".")
-                for label, values in vectors(last, array):
+                for label, values in _vectors(last, array):
                     groups.setdefault((parent, len(values)), {})[label] = Column(values)
         here = path.joinpath(*(str(index + 1) for index in place))
         named = tuple(Group(n, c) for (n, _), c in groups.items())
@@ -112,7 +114,7 @@ def _arrays(
             yield from inside
 
 
-def vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+def _vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Yields a vector, or the columns of a matrix of few columns.
 
     Of rotations (3, 3, n) or (n, 3, 3) it has nine, row by row.
