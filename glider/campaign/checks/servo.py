@@ -1,17 +1,15 @@
-"""How do elevators follow their commands? Their delay, lag, sign and gain.
+"""How do elevators follow their commands? Their delay, sign and gain.
 
 In windows of each flight the elevator's changes are compared with those of a servo
 behind the commands,
-    angle(t + window) - angle(t) = gain (path(t + window) - path(t)),
-whose path has a delay and a lag. A grid of both is tried over all flights at once; the
-correlation of the changes says whether the elevator follows, the delay whether both are
-on one clock, and the gain whether they have one unit.
+    angle(t + window) - angle(t) = path(t + window) - path(t),
+whose path has a delay of up to 0.35 s. The correlation of the changes over all flights,
+with either sign (a turned sign is traced later), says whether the elevator follows, and
+the delay whether both are on one clock: a delay, a lag or stops of the servo lower the
+correlation; another clock or another flight's commands remove it.
 
-Whether and when an elevator follows is asked without a lag, over delays of up to 0.35 s
-and with either sign (a turned sign is traced later): a delay, a lag or stops of the
-servo lower the correlation; another clock or another flight's commands remove it. The
-gain is asked with the delay and the lag together, so that a slow servo keeps it, under
-feedback too, where commands answer its lag.
+The gain, by which the angles say whether both have one unit, is fitted with a delay and
+a lag, so that a slow servo keeps it, under feedback too, where commands answer its lag.
 """
 
 import math
@@ -19,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brute
 
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.motion import jackknife_error
@@ -45,12 +44,10 @@ commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
 _MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
 
-_GAIN_DELAYS = np.arange(-0.02, 0.355, 0.02)
-"""Delays that are tried for the gain [s]."""
-_GAIN_LAGS = np.array([0.0, 0.01, 0.02, 0.04, 0.06, 0.09, 0.13, 0.19, 0.28, 0.4])
-"""Lags that are tried [s]: servo_lag is < 0.3; with the last the gain is unknown."""
-_FINER = np.linspace(-1.0, 1.0, 9)  # Between the best of these and their neighbors.
-_GAIN_WINDOW = 0.1  # Time over which changes are taken for the gain [s].
+_TRIED = slice(-0.02, 0.355, 0.03), slice(0.003, 0.4, 0.04)
+"""Delays and lags that are tried for the gain [s]: command_delay and servo_lag are less
+than 0.3 s."""
+_LONGEST_LAG = 0.36  # Lag above which the gain of a servo is unknown [s].
 _TRAVEL = (0.06, 0.2)
 """Share by which the travel may be off; calibrated by bench_travel."""
 _SURELY = 6.0  # Standard errors of the gain that must be in it.
@@ -182,11 +179,10 @@ def calc_correlation(
     Where an elevator slows down before a stop of the servo, it follows no command. Both
     are nan where too few changes are known to judge: no comparison with them holds.
     """
-    parts = [_compare(elevator, delays, stops=servo) for elevator in elevators]
+    parts = [_compare(elevator, delays, servo) for elevator in elevators]
     if not parts:
         return math.nan, math.nan
-    sums = np.concatenate(parts, axis=-1).sum(axis=-1)
-    turned, together, ordered, count = sums[:, :, 0]
+    turned, together, ordered, count = np.concatenate(parts, axis=-1).sum(axis=-1)
     correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
     size = np.abs(correlation)
     best = int(np.argmax(np.where(count < _MIN_CHANGES, -np.inf, size)))
@@ -195,52 +191,31 @@ def calc_correlation(
     return float(correlation[best]), float(delays[best])
 
 
-def _compare(
-    elevator: Elevator,
-    delays: np.ndarray,
-    lags: Sequence[float] = (0.0,),
-    servo: Servo = NO_LIMITS,
-    *,
-    stops: Servo | None = None,
-    window: float = _WINDOW,
-) -> np.ndarray:
-    """Compares changes of an elevator with those of servos, (4, delays, lags, k).
+def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray:
+    """Compares changes of an elevator with the commanded ones, (4, delays, k).
 
-    Squared changes of the elevator, products with a servo's, its squares, and 1. All
-    are 0 where commands are not known, or near a stop if the stops are given. What a
-    servo with a lag does since before the log fades away; it is left out.
+    Squared changes of the elevator, products with the commanded ones, squares of these,
+    and 1. All are 0 where commands are not known, or near a stop.
     """
     if len(elevator.time) < 2:
-        return np.zeros((4, len(delays), len(lags), 0))
-    ends, change = elevator.changes(window)
+        return np.zeros((4, len(delays), 0))
+    ends, change = elevator.changes()
     time = elevator.command_time
-    since = ends - time[0]
     after = np.clip(np.searchsorted(time, ends), 1, len(time) - 1)
     share = (ends - time[after - 1]) / (time[after] - time[after - 1])
-    terms = np.empty((4, len(delays), len(lags), len(change)))
-    for k, lag in enumerate(lags):
-        fading = -np.diff(np.exp(-since / max(lag, 1e-3)), axis=0)[0]
-        fading /= np.linalg.norm(fading) + 1e-30
-        own = change - fading @ change * fading
-        path = elevator.follow(time - delays[:, None], servo, lag)
-        # Between rows, as the log has them: a path that turns there counts less.
-        shown = path[:, after - 1]
-        shown += share * (path[:, after] - shown)
-        ordered = shown[:, 1] - shown[:, 0]
-        ordered -= np.outer(ordered @ fading, fading)
-        terms[0, :, k] = own**2
-        terms[1, :, k] = own * ordered
-        terms[2, :, k] = ordered**2
-        terms[3, :, k] = 1.0
-    if stops is not None:
-        late = delays[:, None]
-        is_known = (ends[0] - late >= time[0]) & (ends[1] - late <= time[-1])
-        slowing = STOPPING_TIME * stops.rate if math.isfinite(stops.rate) else 0.0
-        angles = np.interp(ends, elevator.time, elevator.angle)
-        is_near = (angles < stops.low + slowing) | (angles > stops.high - slowing)
-        is_known &= ~is_near.any(axis=0)
-        terms *= is_known[:, None, :]
-    return terms
+    late = delays[:, None]
+    path = elevator.follow(time - late)
+    # Between rows, as the log has them: a path that turns there counts less.
+    shown = path[:, after - 1]
+    shown += share * (path[:, after] - shown)
+    ordered = shown[:, 1] - shown[:, 0]
+    is_known = (ends[0] - late >= time[0]) & (ends[1] - late <= time[-1])
+    slowing = STOPPING_TIME * stops.rate if math.isfinite(stops.rate) else 0.0
+    angles = np.interp(ends, elevator.time, elevator.angle)
+    is_near = (angles < stops.low + slowing) | (angles > stops.high - slowing)
+    is_known &= ~is_near.any(axis=0)
+    one = np.ones_like(ordered)
+    return np.stack([one * change**2, ordered * change, ordered**2, one]) * is_known
 
 
 def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str, ...]:
@@ -272,51 +247,55 @@ def _calc_travel(
     shown = [elevator for elevator in elevators if len(elevator.time) > _FEWEST_PARTS]
     if not shown:
         return 0.0, math.inf
-    fits = {}
-    for one in (servo, NO_LIMITS):
-        fits[one] = _find_best(_sum_parts(shown, one, _GAIN_DELAYS, _GAIN_LAGS))
-    servo = min(fits, key=lambda one: fits[one].left)
-    best = fits[servo]
-    is_longest = best.lag == len(_GAIN_LAGS) - 1
-    lags = np.interp(best.lag + _FINER, np.arange(len(_GAIN_LAGS)), _GAIN_LAGS)
-    delays = np.interp(best.delay + _FINER, np.arange(len(_GAIN_DELAYS)), _GAIN_DELAYS)
-    sums = _sum_parts(shown, servo, np.unique(delays), np.unique(lags))
-    best = _find_best(sums)
-    others = [_find_best(np.delete(sums, k, axis=0)).gain for k in range(len(sums))]
+    fits = [_fit_travel(shown, one) for one in (servo, NO_LIMITS)]
+    best = min(fits, key=lambda fit: fit.left)
+    product = np.sum(best.products)
+    power = np.sum(best.powers)
+    gain = abs(product / power)
+    others = (product - best.products) / (power - best.powers)
     error = math.hypot(jackknife_error(others), _SCATTER / math.sqrt(len(shown)))
-    if best.changes <= _MIN_CHANGES or (is_longest and abs(best.gain) <= 1.0):
+    if best.lag > _LONGEST_LAG and gain <= 1.0:
         error = math.inf
-    return abs(best.gain), error
+    return float(gain), error
 
 
-class _Best(NamedTuple):
-    """The delay and lag of a servo that leave least unexplained."""
+class _Travel(NamedTuple):
+    """Measured and commanded travel behind the delay and lag that fit best."""
 
-    delay: int  #: Row of the delays.
-    lag: int  #: Row of the lags.
-    gain: float  #: Measured over commanded travel.
-    left: float  #: Sum of squares that is left [rad²].
-    changes: float  #: Number of them.
-
-
-def _find_best(sums: np.ndarray) -> _Best:
-    """The best fit by sums (parts, 4, delays, lags)."""
-    square, product, power, count = np.sum(sums, axis=0)
-    left = square - product**2 / np.maximum(power, 1e-30)
-    delay, lag = np.unravel_index(np.argmin(left), left.shape)
-    at = int(delay), int(lag)
-    gain = product[at] / max(power[at], 1e-30)
-    return _Best(*at, float(gain), float(left[at]), float(count[at]))
+    left: float  #: Sum of squares that is not explained [rad²].
+    lag: float  #: [s]
+    products: np.ndarray  #: (parts,) of measured and commanded travel [rad²].
+    powers: np.ndarray  #: (parts,) of commanded travel [rad²].
 
 
-def _sum_parts(
-    elevators: Sequence[Elevator], servo: Servo, delays: np.ndarray, lags: np.ndarray
-) -> np.ndarray:
-    """Sums of `_compare` (parts, 4, delays, lags) over flights, or parts of few."""
+def _fit_travel(elevators: Sequence[Elevator], servo: Servo) -> _Travel:
+    """Fits delay, lag and gain of elevators; few flights are compared in parts."""
+    angles = [elevator.angle - np.mean(elevator.angle) for elevator in elevators]
+    measured = np.concatenate(angles)
+
+    def ordered(late: np.ndarray) -> np.ndarray:
+        paths = []
+        for elevator in elevators:
+            path = elevator.follow(elevator.time - late[0], servo, abs(late[1]))
+            paths.append(path - np.mean(path))
+        return np.concatenate(paths)
+
+    def left(late: np.ndarray) -> float:
+        path = ordered(late)
+        together = measured @ path
+        return float(measured @ measured - together**2 / max(path @ path, 1e-30))
+
+    late = brute(left, _TRIED)
+    path = ordered(late)
     parts = math.ceil(_FEWEST_PARTS / len(elevators))
-    sums = []
-    for elevator in elevators:
-        terms = _compare(elevator, delays, list(lags), servo, window=_GAIN_WINDOW)
-        starts = np.arange(1, parts) * terms.shape[-1] // parts
-        sums += [part.sum(axis=-1) for part in np.split(terms, starts, axis=-1)]
-    return np.array(sums)
+    rows = [len(angle) * np.arange(parts) // parts for angle in angles]
+    firsts = np.cumsum([0, *map(len, angles[:-1])])
+    starts = np.concatenate(
+        [row + first for row, first in zip(rows, firsts, strict=True)]
+    )
+    return _Travel(
+        left=left(late),
+        lag=abs(float(late[1])),
+        products=np.add.reduceat(measured * path, starts),
+        powers=np.add.reduceat(path**2, starts),
+    )

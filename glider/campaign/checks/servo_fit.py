@@ -38,6 +38,7 @@ _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
 _SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
 _LONGEST = (0.3, 0.5)  # Delay and lag [s].
 _STEPS = (0.01, 0.01)  # Of delay and lag, to scale them [s].
+_SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
 _LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
 _USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
 _DIFFERENCE = 1e-3  # Relative step of slopes.
@@ -93,6 +94,17 @@ class _Elevator(NamedTuple):
         )
         return self.angle - path
 
+    def lasting_errors(self, servo: "_ServoFit") -> np.ndarray:
+        """The same without what a lag makes of a late first command (m,) [rad].
+
+        That is a constant and what fades with the lag.
+        """
+        error = self.errors(servo)
+        since = self.time[self.rows] - self.tape.switches[0]
+        fading = np.exp(-since / max(servo.lag, _SHORTEST_LAG))
+        columns = np.stack([np.ones(len(since)), fading], axis=1)
+        return error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+
 
 class _ServoFit(NamedTuple):
     """A servo that elevators follow."""
@@ -104,7 +116,7 @@ class _ServoFit(NamedTuple):
     def departures(self, elevators: Sequence[_Elevator]) -> Smoothing:
         """Returns how elevators depart from the servo."""
         times = [each.time[each.rows] for each in elevators]
-        errors = [each.errors(self)[:, None] for each in elevators]
+        errors = [each.lasting_errors(self)[:, None] for each in elevators]
         return estimate_noise(times, errors, _ORDER)[0]
 
     def explains(self, elevators: Sequence[_Elevator]) -> bool:
@@ -180,24 +192,39 @@ def _fit(
 def _fit_limits(
     elevators: Sequence[_Elevator], start: _ServoFit, earliest: float
 ) -> _ServoFit:
-    """Fits a servo and its limits, which begin where elevators and commands end."""
+    """Fits a servo with its stops, its rate limit, or both: the first that explains.
+
+    Limits begin where elevators and commands end; else the best is returned.
+    """
     angles = np.concatenate([each.angle for each in elevators])
     commands = np.concatenate([each.tape.commands for each in elevators])
     low = float(np.min(angles))
     high = float(np.max(angles))
-    fastest = float(np.max(np.abs(commands)))
-
-    def servo_of(numbers: np.ndarray) -> _ServoFit:
-        delay, lag, *limits = map(float, numbers)
-        return _ServoFit(Servo(*limits), delay, lag)
-
     middle = 0.5 * (low + high)
     span = high - low
-    first = (start.delay, start.lag, low, high, 0.9 * fastest)
-    least = (earliest, 0.0, low - span, middle, _LEAST_RATE)
-    most = (*_LONGEST, middle, high + span, 2.0 * fastest)
-    steps = (*_STEPS, 0.1, 0.1, 1.0)
-    return _minimize(elevators, servo_of, first, (least, most), steps)
+    fastest = float(np.max(np.abs(commands)))
+    ranges = {  # First, least and most of each, and its scale.
+        "low": (low, low - span, middle, 0.1),
+        "high": (high, middle, high + span, 0.1),
+        "rate": (0.9 * fastest, _LEAST_RATE, 2.0 * fastest, 1.0),
+    }
+    best = start
+    for free in (("low", "high"), ("rate",), ("low", "high", "rate")):
+
+        def servo_of(numbers: np.ndarray, free: tuple[str, ...] = free) -> _ServoFit:
+            delay, lag, *values = map(float, numbers)
+            own = dict(zip(free, values, strict=True))
+            return _ServoFit(start.limits._replace(**own), delay, lag)
+
+        firsts, leasts, mosts, scales = zip(*(ranges[n] for n in free), strict=True)
+        bounds = ((earliest, 0.0, *leasts), (*_LONGEST, *mosts))
+        for late in (_STARTS[0], (start.delay, start.lag)):
+            first = (*late, *firsts)
+            fit = _minimize(elevators, servo_of, first, bounds, (*_STEPS, *scales))
+            if fit.explains(elevators):
+                return fit
+            best = min(best, fit, key=lambda own: own.departures(elevators).evidence)
+    return best
 
 
 def _minimize(
@@ -215,8 +242,7 @@ def _minimize(
 
     def errors(numbers: np.ndarray) -> np.ndarray:
         servo = servo_of(numbers)
-        each = [elevator.errors(servo) for elevator in elevators]
-        return np.concatenate([error - np.median(error) for error in each])
+        return np.concatenate([each.lasting_errors(servo) for each in elevators])
 
     fit = least_squares(
         errors,
@@ -277,15 +303,16 @@ def _with_departures(
 ) -> tuple[Campaign, tuple[str, ...]]:
     """Returns the campaign with its elevators' departures from a servo."""
     curves = {}
-    variances = []
+    shares = []
     for each in elevators:
         seen = each.time[each.rows]
         query = np.clip(each.time, seen[0], seen[-1])
         smoothed = smoothing_maps(seen, query, found.ratio, _ORDER)[0]
         curves[each.name] = smoothed @ each.errors(servo)
         at_rows = smoothed[each.rows].diagonal()
-        variances.append(found.noise**2 * np.mean(at_rows))
-    std = _ERROR_SCALE * math.sqrt(np.mean(variances))
+        shares.append(np.mean(at_rows))
+    share = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0)
+    std = share * found.noise
     flights = []
     for flight in campaign.flights:
         curve = curves.get(flight.name)

@@ -125,8 +125,7 @@ def test_lost_commands_are_a_departure(campaign):
         path = elevator_path(tape.switches, tape.commands, flight.time, start=tape.rest)
         errors.append(path + flight.departure.angle - angle)
     std = found.flights[0].departure.std
-    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(std, rel=0.3)
-    assert std < NOISE
+    assert 0.6 * std < np.sqrt(np.mean(np.square(errors))) < 1.1 * std < 1.5 * NOISE
 
 
 def test_a_lag_of_one_way_is_a_departure(campaign):
