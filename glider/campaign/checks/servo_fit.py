@@ -132,6 +132,9 @@ def identify_servo(
     Signs must be right. Returns the campaign with the limits that the servo shows and
     with the departures of elevators from it, and a sentence for each.
     """
+    log = campaign.servo
+    if log.angle != "measured" or log.command == "reconstructed":
+        return campaign, ()
     elevators = _measure(campaign, masks)
     specified = _ServoFit(campaign.limits)
     if not elevators or specified.explains(elevators):
@@ -140,29 +143,24 @@ def identify_servo(
     servo = _fit(elevators, specified, earliest)
     if servo.explains(elevators):  # A delay and a lag are effects to be traced.
         return campaign, ()
-    limited = _drop_idle(
-        _fit_limits(elevators, servo, earliest), campaign.limits, elevators
-    )
-    words: tuple[str, ...] = ()
-    departures = servo.departures(elevators)
-    if limited.departures(elevators).evidence < departures.evidence - _LEAST_EVIDENCE:
-        campaign, words = _with_limits(campaign, limited.limits)
-        servo = limited
-        departures = servo.departures(elevators)
-    if departures.evidence < _LEAST_EVIDENCE:
-        return campaign, words
-    return _with_departures(campaign, servo, elevators, departures, words)
+    limited = _fit_limits(elevators, servo, earliest)
+    if limited:
+        return _with_limits(campaign, limited.limits)
+    return _with_departures(campaign, servo, elevators)
+
+
+def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> float:
+    """Returns the noise of the logged elevators [rad], 0 without any."""
+    elevators = _measure(campaign, masks)
+    if not elevators:
+        return 0.0
+    return _ServoFit(campaign.limits).departures(elevators).noise
 
 
 def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[_Elevator]:
-    """Elevators whose angle was measured behind commands that were logged."""
-    log = campaign.servo
-    if campaign.elevator != "servo" or log.angle != "measured":
-        return []
-    if log.command == "reconstructed":
-        return []
+    """Elevators behind their commands, of flights with enough rows of both."""
     elevators = []
-    for flight in campaign.flights:
+    for flight in campaign.flights if campaign.elevator == "servo" else ():
         assert flight.elevator is not None
         mask = masks_of(flight, masks)
         rows = np.flatnonzero(~(mask.elevator | mask.beyond))
@@ -191,10 +189,10 @@ def _fit(
 
 def _fit_limits(
     elevators: Sequence[_Elevator], start: _ServoFit, earliest: float
-) -> _ServoFit:
-    """Fits a servo with its stops, its rate limit, or both: the first that explains.
+) -> _ServoFit | None:
+    """Fits a servo with one limit of its own, or with three: the first that explains.
 
-    Limits begin where elevators and commands end; else the best is returned.
+    Limits begin where elevators and commands end. None where none explains.
     """
     angles = np.concatenate([each.angle for each in elevators])
     commands = np.concatenate([each.tape.commands for each in elevators])
@@ -208,8 +206,7 @@ def _fit_limits(
         "high": (high, middle, high + span, 0.1),
         "rate": (0.9 * fastest, _LEAST_RATE, 2.0 * fastest, 1.0),
     }
-    best = start
-    for free in (("low", "high"), ("rate",), ("low", "high", "rate")):
+    for free in (("low",), ("high",), ("rate",), ("low", "high", "rate")):
 
         def servo_of(numbers: np.ndarray, free: tuple[str, ...] = free) -> _ServoFit:
             delay, lag, *values = map(float, numbers)
@@ -223,8 +220,7 @@ def _fit_limits(
             fit = _minimize(elevators, servo_of, first, bounds, (*_STEPS, *scales))
             if fit.explains(elevators):
                 return fit
-            best = min(best, fit, key=lambda own: own.departures(elevators).evidence)
-    return best
+    return None
 
 
 def _minimize(
@@ -256,52 +252,29 @@ def _minimize(
     return servo_of(fit.x)
 
 
-def _drop_idle(
-    servo: _ServoFit, specified: Servo, elevators: Sequence[_Elevator]
-) -> _ServoFit:
-    """Returns the servo with specified limits where its own are no better."""
-    for name in Servo._fields:
-        own = {name: getattr(specified, name)}
-        other = servo._replace(limits=servo.limits._replace(**own))
-        evidence = servo.departures(elevators).evidence
-        if other.departures(elevators).evidence < evidence + _LEAST_EVIDENCE:
-            servo = other
-    return servo
-
-
 def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str, ...]]:
     """Returns the campaign with other limits of the servo, and how they differ."""
     known = campaign.limits
-    words = []
-    for name, what in (("low", "stops at"), ("high", "stops at"), ("rate", "turns at")):
-        own = getattr(servo, name)
-        before = getattr(known, name)
-        if own != before:
-            unit = "rad/s at most" if name == "rate" else "rad"
-            field = "elevator_rate_limit" if name == "rate" else "elevator_limits"
-            says = f"'{field}' says {before:.3g}"
-            if not math.isfinite(before):
-                says = f"'{field}' is not specified"
-            words.append(
-                f"The servo {what} {own:.3g} {unit}, and {says}: its own limit is used."
-            )
-    limits = (servo.low, servo.high)
+    words = (
+        f"The servo stops at {servo.low:.3g} and {servo.high:.3g} rad and turns by "
+        f"{servo.rate:.3g} rad/s at most, where 'elevator_limits' and "
+        f"'elevator_rate_limit' say {known.low:.3g}, {known.high:.3g} and "
+        f"{known.rate:.3g}: its own limits are used."
+    )
+    stops = (servo.low, servo.high)
     changed = dataclasses.replace(
         campaign,
-        elevator_limits=None if not np.isfinite(limits).all() else limits,
+        elevator_limits=stops if np.isfinite(stops).all() else None,
         elevator_rate_limit=servo.rate if math.isfinite(servo.rate) else None,
     )
-    return changed, tuple(words)
+    return changed, (words,)
 
 
 def _with_departures(
-    campaign: Campaign,
-    servo: _ServoFit,
-    elevators: Sequence[_Elevator],
-    found: Smoothing,
-    words: tuple[str, ...],
+    campaign: Campaign, servo: _ServoFit, elevators: Sequence[_Elevator]
 ) -> tuple[Campaign, tuple[str, ...]]:
     """Returns the campaign with its elevators' departures from a servo."""
+    found = servo.departures(elevators)
     curves = {}
     shares = []
     for each in elevators:
@@ -331,4 +304,4 @@ def _with_departures(
         "the measured elevator."
     )
     changed = dataclasses.replace(campaign, flights=tuple(flights))
-    return changed, (*words, sentence)
+    return changed, (sentence,)

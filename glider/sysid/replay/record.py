@@ -7,13 +7,12 @@ import numpy as np
 
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.planarity import in_plane, planar_pitch
-from glider.campaign.checks.servo_fit import command_tape
+from glider.campaign.checks.servo_fit import command_tape, measure_elevator_noise
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
-from glider.physics.held_commands import command_steps
 from glider.physics.parameter_space import ParameterSpace
-from glider.physics.servo import NO_LIMITS, Servo, elevator_path
+from glider.physics.servo import NO_LIMITS, Servo
 from glider.sysid.replay.log_space import LIBRARY_SPACE
 
 # Least noise of a log [m, rad]; a computed column has no noise at all.
@@ -40,27 +39,11 @@ def measure_noise(
     pairs = [(f, masks_of(f, masks)) for f in campaign.flights]
     times = [f.time[m.usable] for f, m in pairs]
     smoothing = estimate_noise(times, [f.pose[m.usable] for f, m in pairs])
-    elevator = 0.0
-    times = []
-    errors = []
-    for flight, mask in pairs if campaign.elevator == "servo" else ():
-        seen = ~mask.elevator
-        if np.count_nonzero(seen) > 3:  # A parabola leaves no error of fewer rows.
-            assert flight.command is not None and flight.elevator is not None
-            tape = command_steps(
-                flight.time, flight.command, campaign.switch_rate, flight.command_time
-            )
-            path = elevator_path(*tape, flight.time, campaign.limits)
-            error = flight.elevator - path
-            times.append(flight.time[seen])
-            errors.append(error[seen, None])
-    if errors:
-        elevator = estimate_noise(times, errors)[0].noise
     position = float(np.sqrt(np.mean([s.noise**2 for s in smoothing[:2]])))
     return Noise(
         position=max(position, _LEAST_POSITION),
         pitch=max(smoothing[2].noise, _LEAST_ANGLE),
-        elevator=max(elevator, _LEAST_ANGLE),
+        elevator=max(measure_elevator_noise(campaign, masks), _LEAST_ANGLE),
         smoothing=smoothing,
     )
 

@@ -66,7 +66,7 @@ def test_a_stop_that_is_nearer_is_found(campaign):
     found, [words] = identify_servo(own, {})
     assert found.elevator_limits == (low, pytest.approx(high, abs=0.003))
     assert found.elevator_rate_limit == rate
-    assert f"The servo stops at {found.limits.high:.3g} rad" in words
+    assert f"and {found.limits.high:.3g} rad and turns by {rate:.3g} rad/s" in words
     assert all(flight.departure is None for flight in found.flights)
 
 
@@ -77,7 +77,7 @@ def test_a_stop_that_is_farther_is_found(campaign):
     own, _ = moved(told, follow(campaign.limits))
     found, [words] = identify_servo(own, {})
     assert found.limits.high > reached - 0.02
-    assert "'elevator_limits' says" in words
+    assert "its own limits are used" in words
 
 
 def test_a_slower_servo_is_found(campaign):
