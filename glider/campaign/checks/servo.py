@@ -20,7 +20,6 @@ import numpy as np
 from scipy.optimize import brute
 
 from glider.campaign.checks.masks import Masks, masks_of
-from glider.campaign.checks.motion import jackknife_error
 from glider.campaign.checks.rates import claim_scale
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
@@ -51,9 +50,8 @@ _LONGEST_LAG = 0.36  # Lag above which the gain of a servo is unknown [s].
 _TRAVEL = (0.06, 0.2)
 """Share by which the travel may be off; calibrated by bench_travel."""
 _SURELY = 6.0  # Standard errors of the gain that must be in it.
-_FEWEST_PARTS = 8
-"""Parts that a jackknife is over, at least: of fewer flights, parts of flights."""
-_SCATTER = 0.05
+_FEWEST_ROWS = 8  # Of a flight that shows a gain.
+_SCATTER = 0.065
 """Standard deviation of the gain of one flight, as logs show commands a row late or not
 [-]: measured by bench_travel."""
 
@@ -88,10 +86,6 @@ class Elevator(NamedTuple):
         start = float(self.angle[0]) if len(self.angle) else 0.0
         return elevator_path(*tape, query, servo, time_constant=lag, start=start)
 
-    def changes(self, window: float = _WINDOW) -> tuple[np.ndarray, np.ndarray]:
-        """Ends (2, k) of windows [s], and by how much the angle changes (k,)."""
-        return changes_of(self.time, self.angle, window)
-
 
 def measure_elevators(
     campaign: Campaign, masks: Mapping[str, Masks]
@@ -114,12 +108,10 @@ def measure_elevators(
     return tuple(elevators)
 
 
-def changes_of(
-    time: np.ndarray, angle: np.ndarray, window: float = _WINDOW
-) -> tuple[np.ndarray, np.ndarray]:
+def changes_of(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends (2, k) of windows in a log (n,) [s], and by how much an angle changes."""
-    begin = np.arange(time[0], time[-1] - window, 0.5 * _WINDOW)
-    ends = np.stack([begin, begin + window])
+    begin = np.arange(time[0], time[-1] - _WINDOW, 0.5 * _WINDOW)
+    ends = np.stack([begin, begin + _WINDOW])
     return ends, np.diff(np.interp(ends, time, angle), axis=0)[0]
 
 
@@ -199,7 +191,7 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
     """
     if len(elevator.time) < 2:
         return np.zeros((4, len(delays), 0))
-    ends, change = elevator.changes()
+    ends, change = changes_of(elevator.time, elevator.angle)
     time = elevator.command_time
     after = np.clip(np.searchsorted(time, ends), 1, len(time) - 1)
     share = (ends - time[after - 1]) / (time[after] - time[after - 1])
@@ -240,36 +232,30 @@ def _calc_travel(
     """Measured over commanded travel without its sign, and its standard error.
 
     Least squares over all flights. The servo keeps its limits, or none if that fits
-    better: those of commands in another unit are others. The error is that of a
-    jackknife over flights, and what logs scatter by; it is infinite if the lag is too
-    long.
+    better: those of commands in another unit are others. The error is what flights
+    scatter by; it is infinite if the lag is too long.
     """
-    shown = [elevator for elevator in elevators if len(elevator.time) > _FEWEST_PARTS]
+    shown = [elevator for elevator in elevators if len(elevator.time) > _FEWEST_ROWS]
     if not shown:
         return 0.0, math.inf
     fits = [_fit_travel(shown, one) for one in (servo, NO_LIMITS)]
     best = min(fits, key=lambda fit: fit.left)
-    product = np.sum(best.products)
-    power = np.sum(best.powers)
-    gain = abs(product / power)
-    others = (product - best.products) / (power - best.powers)
-    error = math.hypot(jackknife_error(others), _SCATTER / math.sqrt(len(shown)))
-    if best.lag > _LONGEST_LAG and gain <= 1.0:
+    error = _SCATTER / math.sqrt(len(shown))
+    if best.lag > _LONGEST_LAG and best.gain <= 1.0:
         error = math.inf
-    return float(gain), error
+    return best.gain, error
 
 
 class _Travel(NamedTuple):
-    """Measured and commanded travel behind the delay and lag that fit best."""
+    """The delay, lag and gain of a servo that leave least unexplained."""
 
     left: float  #: Sum of squares that is not explained [rad²].
     lag: float  #: [s]
-    products: np.ndarray  #: (parts,) of measured and commanded travel [rad²].
-    powers: np.ndarray  #: (parts,) of commanded travel [rad²].
+    gain: float  #: Measured over commanded travel, without its sign.
 
 
 def _fit_travel(elevators: Sequence[Elevator], servo: Servo) -> _Travel:
-    """Fits delay, lag and gain of elevators; few flights are compared in parts."""
+    """Fits delay, lag and gain of elevators."""
     angles = [elevator.angle - np.mean(elevator.angle) for elevator in elevators]
     measured = np.concatenate(angles)
 
@@ -287,15 +273,5 @@ def _fit_travel(elevators: Sequence[Elevator], servo: Servo) -> _Travel:
 
     late = brute(left, _TRIED)
     path = ordered(late)
-    parts = math.ceil(_FEWEST_PARTS / len(elevators))
-    rows = [len(angle) * np.arange(parts) // parts for angle in angles]
-    firsts = np.cumsum([0, *map(len, angles[:-1])])
-    starts = np.concatenate(
-        [row + first for row, first in zip(rows, firsts, strict=True)]
-    )
-    return _Travel(
-        left=left(late),
-        lag=abs(float(late[1])),
-        products=np.add.reduceat(measured * path, starts),
-        powers=np.add.reduceat(path**2, starts),
-    )
+    gain = abs(float(measured @ path) / max(path @ path, 1e-30))
+    return _Travel(left(late), abs(float(late[1])), gain)
