@@ -146,7 +146,13 @@ def identify_servo(
     limited = _fit_limits(elevators, servo, earliest)
     if limited:
         return _with_limits(campaign, limited.limits)
-    return _with_departures(campaign, servo, elevators)
+    # A few flights may be odd: the others are left as they are.
+    odd: list[_Elevator] = []
+    others: list[_Elevator] = []
+    for each in elevators:
+        (others if servo.explains([each]) else odd).append(each)
+    few = odd if others and servo.explains(others) else elevators
+    return _with_departures(campaign, servo, few)
 
 
 def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> float:

@@ -56,6 +56,7 @@ def test_the_moment_leaves_the_forces_and_the_flights_axes_alone(traced):
     assert names <= {
         "pitch_inertia",
         "servo_log.commands",
+        "servo_log.drift",
         "servo_log.poses",
         "wing_offset",
         "pitch_moment.coefficient",
