@@ -60,6 +60,7 @@ class Departure(NamedTuple):
     """What an elevator does beside what a servo makes of its commands."""
 
     angle: np.ndarray  #: (n,) at the rows [rad].
+    rest: float  #: Where the elevator stood before the first command [rad].
     std: float  #: Its standard error [rad].
 
 

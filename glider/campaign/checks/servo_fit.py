@@ -38,6 +38,7 @@ _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
 _SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
 _LONGEST = (0.3, 0.5)  # Delay and lag [s].
 _STEPS = (0.01, 0.01)  # Of delay and lag, to scale them [s].
+_NEAR_STOP = 0.05  # Distance from a stop where a servo may slow down [rad].
 _SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
 _LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
 _USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
@@ -81,18 +82,34 @@ class _Elevator(NamedTuple):
     angle: np.ndarray  #: (m,) measured there [rad].
     tape: CommandTape
 
+    def rest(self, servo: "_ServoFit") -> float:
+        """Angle at which it rested [rad]: that logged first, without its noise.
+
+        Noise would shift all angles until a stop.
+        """
+        path = self._follow(servo, self.tape.rest)
+        low, high, _ = servo.limits
+        moves_freely = (path > low + _NEAR_STOP) & (path < high - _NEAR_STOP)
+        free = np.logical_and.accumulate(moves_freely)
+        if free.all() or not free.any():
+            return self.tape.rest
+        return self.tape.rest + float(np.median((self.angle - path)[free]))
+
     def errors(self, servo: "_ServoFit") -> np.ndarray:
         """Measured minus expected angles (m,) [rad]."""
-        path = elevator_path(
+        return self.angle - self._follow(servo, self.rest(servo))
+
+    def _follow(self, servo: "_ServoFit", rest: float) -> np.ndarray:
+        """Angles (m,) of a servo that began at rest [rad]."""
+        return elevator_path(
             self.tape.switches,
             self.tape.commands,
             self.time[self.rows],
             servo.limits,
             delay=servo.delay,
             time_constant=servo.lag,
-            start=self.tape.rest,
+            start=rest,
         )
-        return self.angle - path
 
     def lasting_errors(self, servo: "_ServoFit") -> np.ndarray:
         """The same without what a lag makes of a late first command (m,) [rad].
@@ -282,12 +299,14 @@ def _with_departures(
     """Returns the campaign with its elevators' departures from a servo."""
     found = servo.departures(elevators)
     curves = {}
+    rests = {}
     shares = []
     for each in elevators:
         seen = each.time[each.rows]
         query = np.clip(each.time, seen[0], seen[-1])
         smoothed = smoothing_maps(seen, query, found.ratio, _ORDER)[0]
         curves[each.name] = smoothed @ each.errors(servo)
+        rests[each.name] = each.rest(servo)
         at_rows = smoothed[each.rows].diagonal()
         shares.append(np.mean(at_rows))
     share = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0)
@@ -295,7 +314,9 @@ def _with_departures(
     flights = []
     for flight in campaign.flights:
         curve = curves.get(flight.name)
-        own = None if curve is None else Departure(curve, std)
+        own = None
+        if curve is not None:
+            own = Departure(curve, rests[flight.name], std)
         flights.append(dataclasses.replace(flight, departure=own))
     largest = {name: float(np.max(np.abs(curve))) for name, curve in curves.items()}
     worst = max(largest, key=largest.__getitem__)

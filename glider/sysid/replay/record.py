@@ -155,10 +155,9 @@ def _record(
         tape = command_tape(flight, mask, campaign.switch_rate, begin)
         switches, commands, rest = tape
         if flight.departure is not None:
-            angle = np.interp(time, clock, flight.departure.angle)
-            departure = angle - angle[0]  # It departs from where it rests.
+            departure = np.interp(time, clock, flight.departure.angle)
             departure_std = flight.departure.std
-            rest += float(angle[0])
+            rest = flight.departure.rest
         elevator[place] = flight.elevator[rows]
         seen[place, 3] = ~mask.elevator[rows] & (campaign.servo.angle == "measured")
     return Record(

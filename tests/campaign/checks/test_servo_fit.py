@@ -126,7 +126,13 @@ def test_lost_commands_are_a_departure(campaign):
             continue
         stds.add(flight.departure.std)
         tape = command_tape(flight, masks_of(flight, {}), campaign.switch_rate)
-        path = elevator_path(tape.switches, tape.commands, flight.time, start=tape.rest)
+        path = elevator_path(
+            tape.switches,
+            tape.commands,
+            flight.time,
+            campaign.limits,
+            start=flight.departure.rest,
+        )
         errors.append(path + flight.departure.angle - angle)
     [std] = stds
     assert 0.6 * std < np.sqrt(np.mean(np.square(errors))) < 1.1 * std < 1.5 * NOISE
