@@ -51,7 +51,7 @@ def normal(angle: float) -> np.ndarray:
 
 def draw() -> Figure:
     """Draws the glider, which sinks with its nose up."""
-    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+    figure = Figure(figsize=(7.0, 4.75), layout="constrained")
     FigureCanvasSVG(figure)
     ax = figure.add_subplot()
     ax.set_axis_off()
