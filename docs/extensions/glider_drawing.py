@@ -100,8 +100,8 @@ def _draw_angles(ax: Axes, hinge) -> None:
     velocity = 2.9 * forward(DESCENT)
     _arrow(ax, np.zeros(2), velocity, GREEN)
     _write(ax, velocity + np.array([0.08, -0.12]), "velocity v", GREEN)
-    _turn(ax, np.zeros(2), 2.0, 0.0, PITCH, BLUE)
-    _write(ax, 2.12 * forward(0.5 * PITCH), "θ < 0", BLUE)
+    _turn(ax, np.zeros(2), 1.75, 0.0, PITCH, BLUE)
+    _write(ax, 1.86 * forward(0.5 * PITCH), "θ < 0", BLUE)
     _turn(ax, np.zeros(2), 2.65, DESCENT, PITCH, GREEN)
     _write(ax, 2.77 * forward(0.3 * DESCENT), "α > 0", GREEN)
     _turn(ax, hinge, 1.15, PITCH, PITCH + ELEVATOR, ORANGE, backward=True)
@@ -128,7 +128,7 @@ def _draw_arms(ax: Axes, wing, hinge, elevator) -> None:
     _measure(ax, zero, wing, 0.85 * below, "$l_w$", "wing_offset", beside=True)
     _measure(ax, hinge, zero, 0.85 * below, "$l_h$", "hinge_offset")
     down = -normal(PITCH + ELEVATOR)
-    _measure(ax, elevator, hinge, 0.55 * down, "$l_e$", "elevator_offset")
+    _measure(ax, elevator, hinge, 0.5 * down, "$l_e$", "elevator_offset")
 
 
 def _measure(
@@ -150,7 +150,7 @@ def _measure(
     ax.add_patch(arrow)
     place = end + offset + np.array([0.08, -0.16])
     if not beside:
-        place = 0.5 * (start + end) + 1.45 * offset
+        place = 0.5 * (start + end) + 1.45 * offset - np.array([0.12, 0.0])
     align = "left" if beside else "center"
     _write(ax, place, f"{symbol}  {name}", INK, ha=align, size=9.5)
 
@@ -172,7 +172,7 @@ def _draw_axes(ax: Axes, origin) -> None:
     )
     # Clockwise, as a right-handed turn about an axis into the page is.
     _turn(ax, origin, 0.62, np.radians(-75.0), np.radians(-12.0), INK)
-    _write(ax, origin + np.array([0.58, 0.52]), "positive turn", INK, size=9.5)
+    _write(ax, origin + np.array([0.58, 0.52]), "positive θ, φ", INK, size=9.5)
 
 
 def _write_notes(ax: Axes) -> None:
