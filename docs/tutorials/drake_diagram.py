@@ -144,7 +144,8 @@ print(planned)
 
 # %% [markdown]
 # With Graphviz installed, `plot_system_graphviz(diagram)` of `pydrake.systems.drawing`
-# draws it. Here the logs are one box, and so are the systems that draw in Meshcat:
+# draws it. Here the systems that draw in Meshcat are one box, and the logs another;
+# that of the estimate is left out:
 #
 # ![Block diagram of the systems and signals](../pictures/drake_diagram.svg)
 #
