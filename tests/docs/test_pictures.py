@@ -44,11 +44,19 @@ def test_the_glider_is_drawn_as_its_command_draws_it(extension):
 
 
 @pytest.mark.slow
-def test_the_diagram_is_that_of_the_page(extension):
+@pytest.mark.parametrize("name", ["drake_diagram", "closed_loop", "estimated_loop"])
+def test_a_block_diagram_is_that_of_its_systems(extension, name):
     drawing = extension("block_diagram")
-    figure = drawing.draw(drawing.diagram_of_page())
+    figure = drawing.draw(drawing.DIAGRAMS[name](), drawing.LAYOUTS[name])
     command = "python docs/extensions/block_diagram.py"
-    assert words_of(drawing.PICTURE) == words_drawn(figure), command
+    assert words_of(drawing.picture_of(name)) == words_drawn(figure), command
+
+
+@pytest.mark.slow
+def test_a_layout_of_another_diagram_is_refused(extension):
+    drawing = extension("block_diagram")
+    with pytest.raises(LookupError, match="believed_servo"):
+        drawing.draw(drawing.filtered_loop(), drawing.LAYOUTS["closed_loop"])
 
 
 def test_forces_and_angles_have_the_drawn_signs(extension):
