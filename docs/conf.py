@@ -24,6 +24,7 @@ extensions = [
     "front_page",
     "mathml",
     "plain_docstrings",
+    "port_tables",
 ]
 exclude_patterns = ["conf.py", "extensions"]
 default_role = "literal"  # As Markdown has it: our docstrings are no reST.
@@ -68,10 +69,6 @@ myst_substitutions = {
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_default_options = {"members": True, "exclude-members": "__init__, __new__"}
-napoleon_custom_sections = [
-    ("Input ports", "params_style"),
-    ("Output ports", "params_style"),
-]
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 

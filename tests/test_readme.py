@@ -200,16 +200,12 @@ def check_page(place, command):
 
 
 @pytest.mark.readme
-def test_load_plan_fly(place):
-    """In ten lines, from any folder, and with the numbers that its comments name."""
-    [block] = [block for block in BLOCKS if "GliderModel.load(" in block]
-    assert len([line for line in block.splitlines() if line]) <= 10
-    more = (
-        "print([e.kind.kind for e in plant.model.effects], flights.perched.shape)\n"
-        "print(f'# cost {planned.cost:.2f}, {planned.duration:.4f} s, '\n"
-        "      f'{len(planned.times)} knots')\n"
-    )
-    said = place.run(f"python -c {shlex.quote(block + more)}").splitlines()
-    assert said[:2] == ["100 of 100 perch", "['wind'] (100,)"]
-    assert f"{said[2]}\n" in block
-    assert "# 100 of 100\n" in block
+def test_a_diagram_is_built_flown_and_traced(place):
+    """From any folder, and it prints what its comment says."""
+    [block] = [block for block in BLOCKS if "DiagramBuilder()" in block]
+    said = place.run(f"python -c {shlex.quote(block)}").splitlines()[-1]
+    [expected] = re.findall(r"  # (effect_found .*)$", block, re.MULTILINE)
+    number = re.compile(r"-?\d+\.\d+")
+    assert number.sub("#", said) == number.sub("#", expected)
+    found, told = ([float(n) for n in number.findall(x)] for x in (said, expected))
+    assert found == pytest.approx(told, abs=1e-3)

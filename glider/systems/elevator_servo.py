@@ -16,8 +16,8 @@ def ElevatorServo_(T):
     class Impl(LeafSystem_[T]):
         """A servo that keeps its rate limit and slows down before its stops.
 
-        See `glider.physics.servo` for the law. The elevator follows through the
-        model's actuators.
+        It converts to AutoDiffXd. See `glider.physics.servo` for the law. The elevator
+        follows through the model's actuators.
 
         Input ports:
             command (1): rate that is asked for [rad/s].

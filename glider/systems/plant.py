@@ -23,10 +23,10 @@ world [N], total moment about +y and the center of mass [N m]."""
 @TemplateSystem.define("GliderPlant_")
 def GliderPlant_(T):
     class Impl(LeafSystem_[T]):
-        """A planar glider with its effects.
+        """A planar glider with its effects, for float, AutoDiffXd and Expression.
 
-        It turns its elevator at any rate: the limits of rate and travel are those of
-        an `ElevatorServo` in front of it.
+        It turns its elevator at any rate, past any stop: the limits of rate and travel
+        are those of an `ElevatorServo`, a separate system in front of it.
 
         Input ports:
             elevator_rate (1): rate of the elevator [rad/s].

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import urllib.parse
 from html.parser import HTMLParser
 from pathlib import Path
@@ -86,6 +87,18 @@ def test_the_catalogue_has_every_effect(site):
         assert f"{kind.kind}.png" in page
         assert (site / "_images" / f"{kind.kind}.png").stat().st_size > 10_000
         assert kind.words.replace("'", "’") in index
+
+
+def test_the_systems_have_plain_names_and_tables_of_ports(site):
+    page = (site / "api" / "systems.html").read_text(encoding="utf-8")
+    assert "𝓣" not in page
+    for name in ("GliderPlant", "ElevatorServo", "ExtendedKalmanFilter"):
+        [_, entry] = re.split(rf'<dt [^>]*id="[\w.]*\.{name}"', page)
+        tables = re.findall(r"<table .*?</table>", entry.split("</dd></dl>")[0], re.S)
+        words = " ".join(tables)
+        assert "Input ports" in words
+        assert "Output ports" in words
+        assert "elevator_rate" in words
 
 
 @pytest.mark.skipif(why_not() is not None, reason=str(why_not()))

@@ -1,0 +1,157 @@
+"""Block diagrams of the docs, drawn from Drake diagrams themselves.
+
+`python docs/extensions/block_diagram.py` writes them into docs/pictures. The places of
+the boxes and the corners of the lines are in `block_layouts`; which systems there are,
+what is connected, and by which ports, is Drake's answer.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+
+from block_layouts import LAYOUTS, Layout
+from glider_drawing import BLUE, GREY, INK, save
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
+from pydrake.systems.framework import Diagram
+
+from diagrams import closed_loop, estimated_loop
+from glider import (
+    ExtendedKalmanFilter,
+    GliderModel,
+    perching_filter,
+    plan,
+    tracking_regulator,
+)
+
+DOCS = Path(__file__).parents[1]
+
+WIDTH, HEIGHT = 2.1, 0.9
+"""Size of a box."""
+
+
+def picture_of(name: str) -> Path:
+    """Returns the file of a picture."""
+    return DOCS / "pictures" / f"{name}.svg"
+
+
+def script_of_page() -> str:
+    """Returns the first script of the page on diagrams, up to its first flight."""
+    page = (DOCS / "drake.md").read_text(encoding="utf-8")
+    found = re.search(r"^```python\n(.*?)^rng = ", page, re.DOTALL | re.MULTILINE)
+    assert found is not None
+    return found[1]
+
+
+def diagram_of_page() -> Diagram:
+    """Builds the diagram of the page."""
+    names: dict[str, Diagram] = {}
+    exec(compile(script_of_page(), "drake.md", "exec"), names)
+    return names["diagram"]
+
+
+def sampled_loop() -> Diagram:
+    """Builds the loop of a logged flight: cameras, and commands that are held."""
+    model = GliderModel()
+    regulator = tracking_regulator(model, plan(model))
+    return closed_loop(model, regulator, command_rate=50.0, motion_capture=120.0)
+
+
+def filtered_loop() -> Diagram:
+    """Builds the loop that is closed on the estimate of a filter."""
+    model = GliderModel()
+    planned = plan(model)
+    regulator = tracking_regulator(model, planned)
+    estimator = ExtendedKalmanFilter(*perching_filter(model, planned.states[0]))
+    return estimated_loop(model, regulator, estimator, command_rate=50.0)
+
+
+DIAGRAMS: dict[str, Callable[[], Diagram]] = {
+    "drake_diagram": diagram_of_page,
+    "closed_loop": sampled_loop,
+    "estimated_loop": filtered_loop,
+}
+"""Maps the name of a picture to what builds its diagram."""
+
+
+def box_of(name: str) -> str:
+    """Returns the box that a system belongs to."""
+    if name.startswith("glider_"):
+        return "scene"
+    if "VectorLogSink" in name or name.endswith("_log"):
+        return "log"
+    return "motion_capture" if name in ("elevator_angle", "markers") else name
+
+
+def connections_of(diagram: Diagram) -> dict[tuple[str, str], str]:
+    """Maps two boxes to the names and sizes of the outputs that connect them."""
+    found: dict[tuple[str, str], set[str]] = defaultdict(set)
+    for (reader, _), (system, index) in diagram.connection_map().items():
+        port = system.get_output_port(index)
+        pair = (box_of(system.get_name()), box_of(reader.get_name()))
+        if pair[0] != pair[1]:
+            found[pair].add(f"{port.get_name()} ({port.size()})")
+    return {pair: "\n".join(sorted(ports)) for pair, ports in found.items()}
+
+
+def draw(diagram: Diagram, layout: Layout) -> Figure:
+    """Draws a diagram; LookupError where the layout is that of another."""
+    boxes = {box_of(system.get_name()) for system in diagram.GetSystems()}
+    connections = connections_of(diagram)
+    if boxes != set(layout.boxes) or set(connections) != set(layout.routes):
+        raise LookupError(f"The layout is not that of {boxes}, {set(connections)}.")
+    figure = Figure(figsize=layout.size, layout="constrained")
+    FigureCanvasSVG(figure)
+    ax = figure.add_subplot()
+    ax.set_axis_off()
+    ax.set_aspect("equal")
+    ax.set_xlim(*layout.x_limits)
+    ax.set_ylim(*layout.y_limits)
+    for name, (x, y, made_by) in layout.boxes.items():
+        _draw_box(ax, x, y, name, made_by)
+    for pair, words in connections.items():
+        _draw_connection(ax, layout.routes[pair], layout.labels[pair], words)
+    return figure
+
+
+def _draw_box(ax: Axes, x: float, y: float, name: str, made_by: str) -> None:
+    corner = (x - 0.5 * WIDTH, y - 0.5 * HEIGHT)
+    is_of_drake = made_by in ("ZeroOrderHold", "LogVectorOutput")
+    box = FancyBboxPatch(
+        corner,
+        WIDTH,
+        HEIGHT,
+        boxstyle="round,pad=0,rounding_size=0.12",
+        fc="#F4F4F4" if is_of_drake else "#E3F0F9",
+        ec=GREY if is_of_drake else BLUE,
+        lw=1.2,
+    )
+    ax.add_patch(box)
+    middle = {"ha": "center", "va": "center"}
+    ax.text(x, y + 0.16, name, weight="bold", size=10, color=INK, **middle)
+    ax.text(x, y - 0.19, made_by, size=7.8, color=INK, **middle)
+
+
+def _draw_connection(ax: Axes, route, label, words: str) -> None:
+    ax.plot(*zip(*route, strict=True), color=INK, lw=1.1, zorder=0)
+    arrow = FancyArrowPatch(
+        route[-2],
+        route[-1],
+        arrowstyle="-|>",
+        mutation_scale=11,
+        color=INK,
+        lw=1.1,
+        shrinkA=0,
+        shrinkB=0,
+    )
+    ax.add_patch(arrow)
+    x, y, align = label
+    ax.text(x, y, words, size=8.2, color=INK, ha=align, va="center")
+
+
+if __name__ == "__main__":
+    for name, build in DIAGRAMS.items():
+        save(draw(build(), LAYOUTS[name]), picture_of(name))

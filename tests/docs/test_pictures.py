@@ -1,0 +1,80 @@
+"""Drawings of the docs are those of their commands, with the signs of the physics."""
+
+import html
+import importlib
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.text import Text
+
+from glider.systems.plant import GliderPlant
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def extension(monkeypatch):
+    """Returns the function that imports a module of the docs."""
+    monkeypatch.syspath_prepend(ROOT / "docs" / "extensions")
+    return importlib.import_module
+
+
+def words_of(path):
+    """Returns the words in a picture, which its drawing writes as comments."""
+    comments = re.findall(
+        r"<!-- (.*?) -->", path.read_text(encoding="utf-8"), re.DOTALL
+    )
+    return sorted(map(html.unescape, comments))
+
+
+def words_drawn(figure):
+    """Returns the words of a figure."""
+    lines = [
+        line for text in figure.findobj(Text) for line in text.get_text().split("\n")
+    ]
+    return sorted(filter(None, lines))
+
+
+def test_the_glider_is_drawn_as_its_command_draws_it(extension):
+    drawing = extension("glider_drawing")
+    command = "python docs/extensions/glider_drawing.py"
+    assert words_of(drawing.PICTURE) == words_drawn(drawing.draw()), command
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["drake_diagram", "closed_loop", "estimated_loop"])
+def test_a_block_diagram_is_that_of_its_systems(extension, name):
+    drawing = extension("block_diagram")
+    figure = drawing.draw(drawing.DIAGRAMS[name](), drawing.LAYOUTS[name])
+    command = "python docs/extensions/block_diagram.py"
+    assert words_of(drawing.picture_of(name)) == words_drawn(figure), command
+
+
+@pytest.mark.slow
+def test_a_layout_of_another_diagram_is_refused(extension):
+    drawing = extension("block_diagram")
+    with pytest.raises(LookupError, match="believed_servo"):
+        drawing.draw(drawing.filtered_loop(), drawing.LAYOUTS["closed_loop"])
+
+
+def test_forces_and_angles_have_the_drawn_signs(extension):
+    """Both forces point along the normals, and the angles are those in words."""
+    drawing = extension("glider_drawing")
+    plant = GliderPlant()
+    context = plant.CreateDefaultContext()
+    speed = 7.0 * drawing.forward(drawing.DESCENT)
+    state = [0.0, 0.0, drawing.PITCH, drawing.ELEVATOR, *speed, 0.0]
+    context.SetContinuousState(state)
+    plant.GetInputPort("elevator_rate").FixValue(context, [0.0])
+    forces = plant.GetOutputPort("forces").Eval(context)
+    assert forces[0] > 0.0
+    assert forces[1] > 0.0
+    along = forces[0] * drawing.normal(drawing.PITCH)
+    along += forces[1] * drawing.normal(drawing.PITCH + drawing.ELEVATOR)
+    np.testing.assert_allclose(forces[2:4], along, rtol=1e-9)
+    words = " ".join(rule for _, rule, _ in drawing.NOTES)
+    attack = np.arctan2(-speed[1], speed[0]) - drawing.PITCH
+    for angle in (-drawing.PITCH, drawing.ELEVATOR, attack):
+        assert f"{np.degrees(angle):.0f}°" in words
