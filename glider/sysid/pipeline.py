@@ -55,6 +55,7 @@ def close_the_loop(
     progress(Step("read", 0.0))
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign, flights=flights, grades=grades)
+    split_flights(campaign, held_out, seed)  # Refuses too few of them at once.
     from glider.campaign.checks.inspection import inspect
 
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
