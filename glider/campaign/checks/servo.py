@@ -46,10 +46,11 @@ _MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
 _TRIED = slice(-0.02, 0.355, 0.03), slice(0.003, 0.4, 0.04)
 """Delays and lags that are tried for the gain [s]: command_delay and servo_lag are less
 than 0.3 s."""
+_FEW = 8  # Flights that show a delay and a lag, about.
 _LONGEST_LAG = 0.36  # Lag above which the gain of a servo is unknown [s].
 _TRAVEL = (0.06, 0.2)
 """Share by which the travel may be off; calibrated by bench_travel."""
-_SURELY = 6.0  # Standard errors of the gain that must be in it.
+_SURELY = 5.0  # Standard errors of the gain that must be in it (bench_travel).
 _FEWEST_ROWS = 8  # Of a flight that shows a gain.
 _SCATTER = 0.065
 """Standard deviation of the gain of one flight, as logs show commands a row late or not
@@ -255,23 +256,25 @@ class _Travel(NamedTuple):
 
 
 def _fit_travel(elevators: Sequence[Elevator], servo: Servo) -> _Travel:
-    """Fits delay, lag and gain of elevators."""
-    angles = [elevator.angle - np.mean(elevator.angle) for elevator in elevators]
-    measured = np.concatenate(angles)
+    """Fits delay and lag to a few elevators, and the gain to all."""
+    few = elevators[:: max(1, len(elevators) // _FEW)]
+    late = brute(lambda late: _compare_paths(few, servo, late).left, _TRIED)
+    return _compare_paths(elevators, servo, late)
 
-    def ordered(late: np.ndarray) -> np.ndarray:
-        paths = []
-        for elevator in elevators:
-            path = elevator.follow(elevator.time - late[0], servo, abs(late[1]))
-            paths.append(path - np.mean(path))
-        return np.concatenate(paths)
 
-    def left(late: np.ndarray) -> float:
-        path = ordered(late)
-        together = measured @ path
-        return float(measured @ measured - together**2 / max(path @ path, 1e-30))
-
-    late = brute(left, _TRIED)
-    path = ordered(late)
-    gain = abs(float(measured @ path) / max(path @ path, 1e-30))
-    return _Travel(left(late), abs(float(late[1])), gain)
+def _compare_paths(
+    elevators: Sequence[Elevator], servo: Servo, late: np.ndarray
+) -> _Travel:
+    """Compares elevators with a servo of such a delay and lag [s]."""
+    measured = []
+    paths = []
+    lag = abs(float(late[1]))
+    for elevator in elevators:
+        path = elevator.follow(elevator.time - late[0], servo, lag)
+        measured.append(elevator.angle - np.mean(elevator.angle))
+        paths.append(path - np.mean(path))
+    angle = np.concatenate(measured)
+    path = np.concatenate(paths)
+    gain = float(angle @ path) / max(float(path @ path), 1e-30)
+    left = float(np.sum((angle - gain * path) ** 2))
+    return _Travel(left, lag, abs(gain))
