@@ -26,11 +26,12 @@ ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", TEXT, re.DOTALL | re.MULTILINE)
+_OUTSIDE = re.sub(r"^```.*?^```$", "", TEXT, flags=re.DOTALL | re.MULTILINE)
 COMMANDS = [
     re.split(r"\s+# ", line.strip())[0]
-    for line in re.findall(r"^    (?=\S)(.*)$", TEXT, re.MULTILINE)
+    for line in re.findall(r"^    (?=\S)(.*)$", _OUTSIDE, re.MULTILINE)
 ]
-"""Of all indented lines, without their comments."""
+"""Of all indented lines outside of blocks, without their comments."""
 
 OF_CI = ("make test", "make lint docs tables proofs benchmark")
 """What .ci/run runs itself, and what takes hours."""

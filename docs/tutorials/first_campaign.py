@@ -17,11 +17,12 @@
 #     glider close-the-loop attached_lift
 
 # %%
+import html
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from IPython.display import Image
+from IPython.display import HTML
 from rich.console import Console
 
 from glider import close_the_loop, load_campaign, print_summary, write_report
@@ -80,22 +81,18 @@ gain = nominal.position_rms_m / corrected.position_rms_m
 print(f"held-out position error: {gain:.0f} times smaller")
 
 # %% [markdown]
-# ## The figures of the report
+# ## The report
 #
-# Held-out flights, measured (black) and as predicted by each model. The models see only
-# the part on the grey background.
+# Its figures zoom. Look at two of them first. *Held-out flights* are shown as measured
+# (black) and as predicted by each model, which see only the part on the grey ground.
+# *Coefficients* of lift, drag and moment over the angle of attack are measured and
+# modelled, before and after: up to 15° the wing lifts more than a plate, and beyond no
+# more than a plate. This is attached flow, which the corrected model has.
 
 # %%
 write_report(result, Path("attached_lift"))
-Image("attached_lift/figures/held_out.png", width=820)
-
-# %% [markdown]
-# Coefficients of lift, drag and moment over the angle of attack, measured and modelled,
-# before and after. Up to 15° the wing lifts more than a plate, and beyond that no more
-# than a plate: this is attached flow, which the corrected model has.
-
-# %%
-Image("attached_lift/figures/coefficients.png", width=820)
+page = html.escape(Path("attached_lift/report.html").read_text(encoding="utf-8"))
+HTML(f'<iframe srcdoc="{page}" style="width: 100%; height: 700px"></iframe>')
 
 # %% [markdown]
 # ## The files
