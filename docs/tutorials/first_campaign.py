@@ -92,7 +92,7 @@ print(f"held-out position error: {gain:.0f} times smaller")
 # %%
 write_report(result, Path("attached_lift"))
 page = html.escape(Path("attached_lift/report.html").read_text(encoding="utf-8"))
-HTML(f'<iframe srcdoc="{page}" style="width: 100%; height: 700px"></iframe>')
+HTML(f'<div><iframe srcdoc="{page}" width="100%" height="700"></iframe></div>')
 
 # %% [markdown]
 # ## The files
