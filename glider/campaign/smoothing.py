@@ -3,9 +3,8 @@
 Each channel is a Gaussian process whose derivative of some order is white noise, plus
 a free polynomial of a lower degree, observed in white noise (the smoothing spline in
 its Bayesian form; Wahba 1978, Rasmussen and Williams ch. 6). The third derivative is
-that of poses. The ratio of the two noises is
-shared by the flights of a campaign and maximises the restricted likelihood. Times may
-be irregular and rows may be missing.
+that of poses. The ratio of the two noises is shared by the flights of a campaign and
+maximises the restricted likelihood. Times may be irregular and rows may be missing.
 """
 
 import dataclasses

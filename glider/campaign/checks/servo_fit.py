@@ -20,6 +20,7 @@ from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.logs import Campaign, Departure, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.physics.held_commands import command_steps
+from glider.physics.parameters import MAX_ANGLE
 from glider.physics.servo import Servo, elevator_path
 
 _LEAST_EVIDENCE = 6.0
@@ -284,10 +285,12 @@ def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str,
         f"'elevator_rate_limit' say {known.low:.3g}, {known.high:.3g} and "
         f"{known.rate:.3g}: its own limits are used."
     )
-    stops = (servo.low, servo.high)
+    stops = None
+    if math.isfinite(servo.low) or math.isfinite(servo.high):
+        stops = (max(servo.low, -MAX_ANGLE), min(servo.high, MAX_ANGLE))
     changed = dataclasses.replace(
         campaign,
-        elevator_limits=stops if np.isfinite(stops).all() else None,
+        elevator_limits=stops,
         elevator_rate_limit=servo.rate if math.isfinite(servo.rate) else None,
     )
     return changed, (words,)

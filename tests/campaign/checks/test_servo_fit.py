@@ -70,6 +70,15 @@ def test_a_stop_that_is_nearer_is_found(campaign):
     assert all(flight.departure is None for flight in found.flights)
 
 
+def test_a_stop_that_nobody_specified_is_used(campaign):
+    high = 0.6 * max(f.elevator.max() for f in campaign.flights)
+    told = dataclasses.replace(campaign, elevator_limits=None)
+    own, _ = moved(told, follow(campaign.limits._replace(low=-np.inf, high=high)))
+    found, [words] = identify_servo(own, {})
+    assert "its own limits are used" in words
+    assert found.limits.high == pytest.approx(high, abs=0.003)
+
+
 def test_a_stop_that_is_farther_is_found(campaign):
     reached = max(f.elevator.max() for f in campaign.flights)
     narrow = (campaign.elevator_limits[0], 0.6 * reached)
