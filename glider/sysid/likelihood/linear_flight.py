@@ -232,7 +232,8 @@ def linearize(
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
     if any(late.values()):  # One secant serves all clocks.
-        delay = slopes(space, space.slots_of(COMMAND_DELAY.kind))
+        _, commands, *_ = space.slots_of(SERVO_LOG.kind)
+        delay = slopes(space, [commands])
         [per_second] = _secants(record, theta, gaussians, delay, about, usual)
         for j, seconds in late.items():
             inputs[:, :, j] = -seconds * per_second[:, :width]
