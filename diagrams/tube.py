@@ -40,7 +40,8 @@ def plot_tube(ax: Axes, funnel: Funnel) -> None:
 
 def draw_tube(meshcat: Meshcat, funnel: Funnel) -> None:
     """Draws the tube in Meshcat as a translucent surface of revolution."""
-    times = np.linspace(*funnel.nominal.times[[0, -1]], _RINGS)
+    first, last = funnel.nominal.times[[0, -1]]
+    times = np.linspace(first, last, _RINGS)
     normals, radii = tube_of(funnel, times)
     angles = np.linspace(0.0, 2.0 * np.pi, _SIDES, endpoint=False)
     across = radii[:, None] * np.cos(angles)
@@ -51,8 +52,10 @@ def draw_tube(meshcat: Meshcat, funnel: Funnel) -> None:
     ring, side = np.meshgrid(np.arange(_RINGS - 1), np.arange(_SIDES), indexing="ij")
     here = (ring * _SIDES + side).ravel()
     beside = (ring * _SIDES + (side + 1) % _SIDES).ravel()
-    first = np.stack([here, beside, here + _SIDES])
-    second = np.stack([beside, beside + _SIDES, here + _SIDES])
-    faces = np.hstack([first, second])
+    halves = [
+        np.stack([here, beside, here + _SIDES]),
+        np.stack([beside, beside + _SIDES, here + _SIDES]),
+    ]
+    faces = np.hstack(halves)
     blue = Rgba(0.2, 0.45, 0.85, 0.25)
     meshcat.SetTriangleMesh("/funnel", vertices.reshape(-1, 3).T, faces, blue)
