@@ -25,8 +25,8 @@ from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table
 from glider.sysid.result import MODELS, PERFECT, ResidualTable, Spread
-from glider.sysid.search.force_search import forces_alone
 from glider.sysid.search.support import SearchResult
+from glider.sysid.search.tracing import forces_alone
 
 
 @dataclasses.dataclass(frozen=True)

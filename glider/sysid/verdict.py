@@ -7,7 +7,7 @@ clock that runs slow.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -81,7 +81,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
         )
     if found:
         return f"the model needs {' and '.join(found)}"
-    gain, error = elevator_gain(task, model)
+    gain, error = _elevator_gain(task, model)
     if abs(gain - 1.0) > max(constants.GAIN_ERROR, constants.Z * error):
         return (
             f"the elevator moves {gain:.3f} times as far as commanded (± {error:.1g}), "
@@ -90,7 +90,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
     return None
 
 
-def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
+def _elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     """Ratio of measured to modelled elevator travel, and its standard error.
 
     The median over flights of regressions of travel on travel, where the elevator has
@@ -176,23 +176,13 @@ def judge(
     return "effect_found", f"{reason}."
 
 
-def with_excluded(reason: str, excluded: Mapping[str, str], count: int) -> str:
-    """Returns a verdict's reason with the flights that it is not about, if any.
-
-    Those among so many are given with why they are excluded.
-    """
+def with_excluded(reason: str, excluded: Collection[str], count: int) -> str:
+    """Returns a verdict's reason with the flights that it is not about, if any."""
     if not excluded:
         return reason
-    names = dict[str, list[str]]()
-    for name, why in excluded.items():
-        names.setdefault(why.partition(":")[0].rstrip("."), []).append(name)
-    whys = (f"{why} ({', '.join(own)})" for why, own in names.items())
-    told = reason.replace("The flights", f"{count - len(excluded)} of {count} flights")
     are = "is" if len(excluded) == 1 else "are"
-    return (
-        f"{told.rstrip('.')}; {len(excluded)} of {count} {are} excluded: "
-        f"{'; '.join(whys)}."
-    )
+    names = ", ".join(excluded)
+    return f"{reason} {len(excluded)} of {count} flights {are} excluded: {names}."
 
 
 def _beyond_floor(left: Residual) -> str:

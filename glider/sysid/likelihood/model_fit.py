@@ -33,8 +33,8 @@ from glider.sysid.likelihood.linear_flight import (
     Surroundings,
     linearize,
 )
-from glider.sysid.likelihood.scale_fit import fit_scales
-from glider.sysid.likelihood.scales import NAMES, Scales, lifted
+from glider.sysid.likelihood.scale_fit import fit_scales, lifted
+from glider.sysid.likelihood.scales import NAMES, Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Record
 
@@ -93,11 +93,8 @@ def with_functions(
     values = values_at_nodes(flight, theta, gaussians)
     bases = {function.basis: function for function in functions}
     along = {basis: function.along(values) for basis, function in bases.items()}
-    for function in functions:
-        flight = flight.with_function(
-            along[function.basis], function.effect, function.mix
-        )
-    return flight
+    added = [(own.effect, along[own.basis] @ own.mix) for own in functions]
+    return flight.with_columns(added)
 
 
 def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:

@@ -12,15 +12,13 @@ import numpy as np
 
 from glider.physics.effects.families import FAMILIES
 from glider.sysid import constants
-from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, Member
+from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.result import EvidenceThreshold
 
-Members = tuple[Member, ...]
+Members = tuple[tuple[str, tuple[int, ...]], ...]  # Kinds, and the columns they act by.
 
-HELD_OUT = EvidenceThreshold(**constants.HELD_OUT_THRESHOLD)
-"""Gain on held-out flights that an effect must bring."""
+_HELD_OUT = constants.HELD_OUT_THRESHOLD
 
 
 class Scorer:
@@ -56,11 +54,6 @@ class Scorer:
         if key not in self._kept:
             [self._kept[key]] = self.evidence.extended(_columns_of(members), [()])
         return self._kept[key]
-
-    def alone(self) -> dict[str, float]:
-        """Returns the gain of each kind alone, without its penalty [nats]."""
-        variants = self.variants.items()
-        return {kind: max(self.evidence.extended((), own)) for kind, own in variants}
 
     def lost(self, members: Members) -> dict[str, float]:
         """Returns the loss without each member, without its penalty [nats].
@@ -183,8 +176,8 @@ def _held_out_threshold(task: Task, kind: str) -> float:
     slots = task.space.slots_of(kind)
     sizes = sum(i not in task.space.shapes for i in slots)
     is_common = kind in task.space.kinds and task.space.kinds[kind].is_common
-    cause = 0.0 if is_common else HELD_OUT.uncommon
-    return HELD_OUT.effect + HELD_OUT.coefficient * (sizes - 1) + cause
+    cause = 0.0 if is_common else _HELD_OUT["uncommon"]
+    return _HELD_OUT["effect"] + _HELD_OUT["coefficient"] * (sizes - 1) + cause
 
 
 def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
