@@ -17,8 +17,8 @@ from glider.campaign.checks.masks import masks_of
 from glider.campaign.checks.servo_fit import command_tape
 from glider.campaign.logs import Campaign
 from glider.campaign.smoothing import estimate_noise, smoothing_maps
+from glider.compiled.actuators import elevator_path
 from glider.physics.model import GliderModel
-from glider.physics.servo import elevator_path
 from glider.simulation.campaigns import CampaignPlan
 
 SEED = 0

@@ -7,7 +7,14 @@ from glider.compiled.runge_kutta import advance, put
 from glider.physics.chain import actuator_rates, actuator_terms, demanded_angle
 from glider.physics.compose import initial_extra
 from glider.physics.effects import SERVO_LAG, Replay
-from glider.physics.servo import NO_LIMITS, Servo, elevator_path, limited_rate
+from glider.physics.servo import (
+    NO_LIMITS,
+    Servo,
+    held_rate,
+    lagged_rate,
+    limited_rate,
+    turned_angle,
+)
 
 STEP = 0.00025
 """Longest step of an actuator [s]."""
@@ -47,7 +54,85 @@ def actuator_path(times, commands, c, servo, states):
         put(y, states[k + 1])
 
 
-LOOPS = Family((slope_of_actuators, actuator_path), (actuator_path,))
+def held_path(begins, commands, query, servo, lag, start, path):
+    """Turns an elevator along held commands, exactly.
+
+    Args:
+        begins: (k,) when each command begins to act [s], increasing.
+        commands: (k,) [rad/s].
+        query: (m,) times, in any order [s].
+        servo: its limits.
+        lag: time constant of the elevator behind the servo [s]; 0 for none.
+        start: the elevator's angle before the first command [rad], within the travel.
+        path: (m,) the elevator's angles [rad], written.
+    """
+    count = commands.shape[0]
+    angles = np.empty(count)
+    rates = np.empty(count)
+    steady = np.empty(count)
+    lagged = np.zeros(count)
+    angle = start
+    behind = 0.0
+    for k in range(count):
+        angles[k] = angle
+        lagged[k] = behind
+        rates[k], steady[k] = held_rate(commands[k], angle, servo)
+        if k + 1 < count:
+            span = begins[k + 1] - begins[k]
+            angle = turned_angle(angle, rates[k], steady[k], span)
+            if lag > 0.0:
+                behind = lagged_rate(behind, rates[k], steady[k], span, lag)
+    for j in range(query.shape[0]):
+        k = np.searchsorted(begins, query[j], side="right") - 1
+        path[j] = start
+        if k >= 0:
+            since = query[j] - begins[k]
+            path[j] = turned_angle(angles[k], rates[k], steady[k], since)
+            if lag > 0.0:
+                rate = lagged_rate(lagged[k], rates[k], steady[k], since, lag)
+                path[j] -= lag * rate
+
+
+LOOPS = Family(
+    (slope_of_actuators, actuator_path, held_path), (actuator_path, held_path)
+)
+
+_SHORTEST = 1e-9
+"""Time constant below which a lag is none [s]."""
+
+
+def elevator_path(
+    switch_times: np.ndarray,
+    commands: np.ndarray,
+    query: np.ndarray,
+    servo: Servo = NO_LIMITS,
+    *,
+    delay: float = 0.0,
+    time_constant: float = 0.0,
+    start: float = 0.0,
+) -> np.ndarray:
+    """Returns the elevator's angle φ at some times, exactly [rad].
+
+    The servo rests before the first command. A lag τ turns ψ' into the elevator's
+    rate, τ r' = ψ' - r, so that φ = ψ - τ r.
+
+    Args:
+        switch_times: (k,) when each command begins [s], increasing.
+        commands: (k,) elevator rates, each held until the next [rad/s].
+        query: times in any order and shape [s].
+        servo: its limits.
+        delay: T, between a command and its action [s].
+        time_constant: τ [s]; 0 for none.
+        start: angle before the first command [rad]; clipped into the travel.
+    """
+    begins = np.ascontiguousarray(switch_times + delay, dtype=float)
+    commands = np.ascontiguousarray(commands, dtype=float)
+    times = np.ravel(np.asarray(query, dtype=float))
+    start = float(min(max(start, servo.low), servo.high))
+    lag = float(time_constant) if time_constant > _SHORTEST else 0.0
+    path = np.empty(len(times))
+    LOOPS.over(()).held_path(begins, commands, times, servo, lag, start, path)
+    return path.reshape(np.shape(query))
 
 
 def replayed_path(

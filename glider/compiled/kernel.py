@@ -43,7 +43,14 @@ _STEP = inspect.getsource(runge_kutta)
 _HEAD = """\
 import numpy as np
 from glider.physics.effects.free_functions import Gaussians
-from glider.physics.servo import STOPPING_TIME, limited_rate, rate_bounds
+from glider.physics.servo import (
+    STOPPING_TIME,
+    held_rate,
+    lagged_rate,
+    limited_rate,
+    rate_bounds,
+    turned_angle,
+)
 """
 
 _KERNEL = inspect.getsource(sys.modules[__name__])

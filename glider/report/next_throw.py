@@ -16,10 +16,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from glider.compiled.actuators import elevator_path
 from glider.experiments.proposal import Proposal
 from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
-from glider.physics.servo import elevator_path
 from glider.report.numbers import format_estimate, format_length
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
 from glider.report.wording import TEMPLATES

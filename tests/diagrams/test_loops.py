@@ -18,13 +18,14 @@ from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
+from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
 from glider.estimation.perching import perching_filter
 from glider.physics.effects import DYNAMIC_STALL, SERVO_LAG
 from glider.physics.held_commands import command_steps
 from glider.physics.model import GliderModel
 from glider.physics.parameters import PARAMETER_NAMES
-from glider.physics.servo import elevator_path, limited_rate
+from glider.physics.servo import limited_rate
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import closest_pass
 from glider.simulation.fly import AFTER, fly

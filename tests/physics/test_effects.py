@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
+from glider.compiled.actuators import elevator_path
 from glider.compiled.jacobian import differentiate
 from glider.compiled.replay import flow_at
 from glider.errors import InputError
@@ -24,7 +25,6 @@ from glider.physics.effects.free_functions import FREE_FUNCTIONS, gaussians_of
 from glider.physics.formulas import scalar
 from glider.physics.model import GliderModel
 from glider.physics.parameters import Parameters, Theta
-from glider.physics.servo import elevator_path
 from glider.systems.plant import GliderPlant
 from tests.helpers.physics import (
     FREE,

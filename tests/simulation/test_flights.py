@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.physics.servo import elevator_path
+from glider.compiled.actuators import elevator_path
 from glider.planning.problem import Obstacle
 from glider.simulation.flown_flights import Perches, hooked
 from glider.simulation.fly import fly

@@ -23,8 +23,8 @@ from glider.campaign.checks.planarity import body_axes
 from glider.campaign.checks.servo import measure_elevators
 from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
+from glider.compiled.actuators import elevator_path
 from glider.physics.held_commands import command_steps, hides_command
-from glider.physics.servo import elevator_path
 
 _AGAIN = "repeat the pose before while the glider moves"
 FILLED = "on a straight line without noise: filled, not measured"

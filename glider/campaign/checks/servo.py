@@ -22,8 +22,9 @@ from scipy.optimize import brute
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.rates import claim_scale
 from glider.campaign.logs import Campaign
+from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
-from glider.physics.servo import NO_LIMITS, STOPPING_TIME, Servo, elevator_path
+from glider.physics.servo import NO_LIMITS, STOPPING_TIME, Servo
 
 _DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator that are tried [s]: command_delay and servo_lag are < 0.3."""

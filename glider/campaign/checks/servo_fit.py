@@ -19,9 +19,10 @@ from scipy.optimize import least_squares
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.logs import Campaign, Departure, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
+from glider.compiled.actuators import elevator_path
 from glider.physics.held_commands import command_steps
 from glider.physics.parameters import MAX_ANGLE
-from glider.physics.servo import Servo, elevator_path
+from glider.physics.servo import Servo
 
 _LEAST_EVIDENCE = 6.0
 """Evidence above which a departure is no noise [nats]. By chance, half a chi-squared of

@@ -23,8 +23,8 @@ from glider.campaign.importing.selection import ServoLogs, Stream
 from glider.campaign.importing.track import Track, planar_pose, turn_along
 from glider.campaign.logs import ServoLog
 from glider.campaign.settings import Mapping
+from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
-from glider.physics.servo import elevator_path
 
 _STEP = 0.01  # Between the offsets that are tried [s].
 _FOLLOWS = 0.5

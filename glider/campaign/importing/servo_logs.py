@@ -18,10 +18,10 @@ from glider.campaign.checks.servo import calc_correlation, measure_elevators
 from glider.campaign.importing.selection import Stream
 from glider.campaign.importing.track import Track
 from glider.campaign.logs import Campaign, ServoLog
+from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
 from glider.physics.held_commands import command_steps, latest_command
 from glider.physics.parameters import MAX_ANGLE
-from glider.physics.servo import elevator_path
 
 _LEAST_LIMIT = 0.1  # Of a limit that is measured [rad/s].
 _REACH = 1.5  # Ratio to the elevator's limits that commands reach at most.

@@ -40,10 +40,18 @@ def slopes(
     space: ParameterSpace, free: Iterable[int], shapes: Shapes = ()
 ) -> list[Direction]:
     """Returns the directions of slots as they are, for a fit."""
-    scale = space.scale.tolist()
-    first = space.num_flown
-    sizes = {i: scale[i] * (_SMALL if i < first else _SMALL_SIGNAL) for i in free}
-    return [Direction(space.owners[i], i, s, shapes) for i, s in sizes.items()]
+    return [Direction(space.owners[i], i, _step(space, i), shapes) for i in free]
+
+
+def is_slope(space: ParameterSpace, direction: Direction) -> bool:
+    """Whether a direction is a derivative, of one of `slopes`, rather than a secant."""
+    return direction.size == _step(space, direction.slot)
+
+
+def _step(space: ParameterSpace, slot: int) -> float:
+    """Returns the step of the derivative by an entry of theta."""
+    share = _SMALL if slot < space.num_flown else _SMALL_SIGNAL
+    return float(space.scale[slot]) * share
 
 
 def starts_of(

@@ -67,7 +67,9 @@ def _replayed(record: Record, last: bytes) -> _Signals:
     """The same by the last entries of theta, which replay a log's signals."""
     n = len(record.time)
     space = record.space
-    replay = space.replay(np.pad(np.frombuffer(last), (space.num_flown, 0)))
+    theta = np.zeros(len(space.entries))
+    theta[space.num_flown :] = np.frombuffer(last)
+    replay = space.replay(theta)
     if not record.has_servo:
         still = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
         return _Signals(*still, np.ones(n, bool))

@@ -14,8 +14,9 @@ from glider.campaign.checks.servo import (
     measure_elevators,
 )
 from glider.campaign.reader import load_campaign
+from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
-from glider.physics.servo import Servo, elevator_path
+from glider.physics.servo import Servo
 from tests.campaign.checks import breaking as b
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
 

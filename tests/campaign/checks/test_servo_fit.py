@@ -7,7 +7,8 @@ import pytest
 
 from glider.campaign.checks.masks import masks_of
 from glider.campaign.checks.servo_fit import command_tape, identify_servo
-from glider.physics.servo import Servo, elevator_path
+from glider.compiled.actuators import elevator_path
+from glider.physics.servo import Servo
 from tests.helpers.tasks import fly
 
 NOISE = 0.004  # Of the measured angle [rad].

@@ -16,9 +16,9 @@ from glider.campaign.logs import ServoLog
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
+from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
 from glider.physics.held_commands import command_steps
-from glider.physics.servo import elevator_path
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.replay.record import measure_noise, prepare

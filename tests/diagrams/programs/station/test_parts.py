@@ -13,8 +13,8 @@ from diagrams.programs.station.scenario import Release, Scenario, Sensors
 from diagrams.programs.station.throw_log import _flight_of
 from diagrams.programs.station.tracker import CommandTape, ReleaseDetector, mean_rates
 from diagrams.programs.station.wire import Wire
+from glider.compiled.actuators import elevator_path
 from glider.physics.parameters import GliderParameters
-from glider.physics.servo import elevator_path
 
 SERVO = GliderParameters().servo
 

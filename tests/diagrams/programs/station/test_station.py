@@ -26,11 +26,11 @@ from glider.campaign.checks.servo import _calc_travel, measure_elevators
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import flight_csv
+from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
 from glider.files import schema
 from glider.physics.held_commands import command_steps
 from glider.physics.model import GliderModel
-from glider.physics.servo import elevator_path
 from glider.sysid.pipeline import close_the_loop
 from tests.campaign.importing import foreign
 from tests.helpers.lockstep import Lockstep

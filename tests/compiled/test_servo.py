@@ -5,13 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glider.compiled.actuators import LOOPS
+from glider.compiled.actuators import LOOPS, elevator_path
 from glider.physics.compose import compose
 from glider.physics.effects import COMMAND_DELAY, SERVO_LAG
 from glider.physics.servo import (
     STOPPING_TIME,
     Servo,
-    elevator_path,
     held_angle,
     limited_rate,
     rate_bounds,
