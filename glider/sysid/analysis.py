@@ -89,14 +89,17 @@ class Analysis:
                 logged = task.on(flights.of("refitted", fitted))
                 free = self.vehicle.baseline_slots
                 baseline = fit_model(logged, dataclasses.replace(baseline, free=free))
+
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(task, model)
             evaluated, folds = evaluate(
                 found, self.held_out, baseline, spreads, self.rng
             )
+
         with self.stage("weigh", "standard errors"):
             alternatives, known = _weigh(found)
             effects = outcome.effects_of(task, traced, known, spreads, flights.signs)
+
         logged = self.inspection.campaign
         doubt = self._doubt(found)
         verdict, reason = judge(
@@ -162,11 +165,13 @@ class Analysis:
             if effects is None or ANGLE_SIGN.kind in effects:
                 few = tuple(f for f in logged.flights if f.name in self.fitted)
                 signs = find_signs(logged, few, masks, self.vehicle)
+
         campaign = turn_campaign(logged, signs)
         campaign, of_servo = identify_servo(campaign, masks)
         with self.stage("smooth"):
             noise, records = smoothed(campaign)
             as_logged = records if signs.are_right else smoothed(logged)[1]
+
         return SmoothedFlights(campaign, signs, noise, records, as_logged, of_servo)
 
     def _search(self, flights: SmoothedFlights) -> Searched:
@@ -187,6 +192,7 @@ class Analysis:
                 for name, ratio in find_outlying(everything, noise).items()
             }
             everything, task = self._without(outlying, everything)
+
         with self.stage("trace"):
             traced = trace(task, noise, self.rng, self.progress)
             if extreme := find_extreme(everything, traced.model):
@@ -196,6 +202,7 @@ class Analysis:
                 if again:
                     self.progress(f"again without {', '.join(again)}")
                     traced = trace(task, noise, self.rng, self.progress)
+
         return Searched(flights, everything, task, traced, outlying, extreme)
 
     def _without(
@@ -233,6 +240,7 @@ class Analysis:
                 "omitted and cannot be found, and their influence may be attributed to "
                 "those that were tried."
             )
+
         is_measured = found.flights.campaign.servo.angle == "measured"
         for record in found.flights.corrected.values():
             if record.has_servo and is_measured and not record.seen[:, 3].any():
@@ -240,12 +248,14 @@ class Analysis:
                     f"{record.name}: no elevator row counts; the elevator is assumed "
                     "where its commands have it."
                 )
+
         for name in self.held_out:
             if name not in found.outlying and name not in flown:
                 yield (
                     f"{name}: every model diverges on this held-out flight; it is "
                     "excluded from the errors."
                 )
+
         if folds is None:
             return
         for name in folds.apart:
@@ -255,6 +265,7 @@ class Analysis:
                     "(are rows or commands wrong?); in the folds it is predicted and "
                     "not fitted."
                 )
+
         gains = folds.gain.values
         lost = np.count_nonzero(gains < 0.0)
         if found.traced.model.kinds and FOLDS * lost > len(gains):
@@ -281,4 +292,5 @@ def _weigh(found: Searched) -> tuple[tuple[result.Alternative, ...], Uncertainty
                 covariance=outcome.covariance_of(task, own),
             )
         )
+
     return tuple(alternatives), averaged(probabilities, judged, errors)

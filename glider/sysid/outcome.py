@@ -66,6 +66,7 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
                 unit=coefficient.unit,
                 values=dict(zip(names, own, strict=True)),
             )
+
     return found
 
 
@@ -89,6 +90,7 @@ def effects_of(
         members.setdefault(kind if name == result.UNEXPLAINED else name, []).append(
             kind
         )
+
     evidence = traced.evidence
     whole = max(sum(evidence.values()), 1e-9)
     found = []
@@ -99,6 +101,7 @@ def effects_of(
             entry = _function_entry(functions[first], names[first], known)
         else:
             entry = _formula_entry(task, model, first, known, spreads)
+
         brought = float(sum(evidence[kind] for kind in (first, *bending)))
         found.append(
             dataclasses.replace(
@@ -109,10 +112,12 @@ def effects_of(
                 indistinguishable_from=_rivals_of(task, traced, names, first),
             )
         )
+
     if found and not task.vehicle.per_flight_trims:
         for kind, spread in spreads.items():
             if kind not in model.kinds:
                 found.append(_spread_entry(task, kind, spread))
+
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
 
 
@@ -146,6 +151,7 @@ def _formula_entry(
         coefficients[coefficient.name] = Estimate(
             value, known.std(slot), coefficient.unit
         )
+
     spread = {}
     if name in spreads:
         spread[kind.coefficients[0].name] = spreads[name].std
@@ -173,6 +179,7 @@ def _function_entry(
         shape = result.LIBRARY_SHAPE
     elif kind == CAMBER.kind and function.variables == ("alpha",):
         coefficients["zero_lift_angle"] = _zero_lift_angle(function, known)
+
     return FoundEffect(
         kind=kind,
         words=words,
@@ -213,6 +220,7 @@ def _rivals_of(
         has_all_others = formulas - its <= {own}
         if has_all_others and its.isdisjoint((own, names[own])):
             found |= its - FAMILIES.keys() - formulas
+
     found.difference_update(names.values())
     return tuple(kind for kind in task.space.kinds if kind in found)
 
@@ -238,6 +246,7 @@ def _find_peak(function: FittedFunction, known: Uncertainty) -> dict[str, Estima
     for variable, place in zip(function.variables, points[peak], strict=True):
         at = Estimate(float(place), math.nan, FLOW_UNITS[variable])
         found[f"{term}_peak_at_{variable}"] = at
+
     return found
 
 
@@ -270,6 +279,7 @@ def model_of(task: Task, model: FitResult, signs: Signs) -> GliderModel:
     for name in (*model.kinds, *(kind for kind in space.kinds if kind in nuisance)):
         if name not in model.free_kinds:
             effects.append(by_kind[name])
+
     return GliderModel(
         parameters=parameters,
         effects=tuple(effects),

@@ -132,6 +132,7 @@ def hold_out(
         for name, refit in refits.items():
             model, costs[name][part] = refit.on(rest, part)
             flown[name] = rollouts[name].with_numbers_of(model), unseen
+
         found = compare(flown)
         names = tuple(record.name for record in unseen)
         errors = {name: found.errors[name] for name in ("refitted", "corrected")}
@@ -141,6 +142,7 @@ def hold_out(
                 name: np.sqrt(mean_squares(record, own[k])[:2])
                 for name, own in found.predictions.items()
             }
+
     gains = {n: Gains(values=cost - costs["corrected"]) for n, cost in costs.items()}
     over_nominal = gains.get("nominal")
     gain = gains["refitted"]
@@ -165,6 +167,7 @@ class _Refits:
         else:
             self.prior = model_fit.prior_of(task, model)
             self.given = np.zeros(len(self.prior.mean))
+
         # The likelihood is a square of changes and what depends on the scales alone.
         self.constant = now - 0.5 * self.grams[:, -1, -1]
 
@@ -184,6 +187,7 @@ class _Refits:
             model = score.begin(members)
             found = [column for _, variant in members for column in variant]
             columns = [*self.candidates.always, *found]
+
         keep = [*columns, len(self.prior.mean)]
         step = np.zeros(len(self.prior.mean))
         total = counted_from(np.tensordot(counts, self.grams, 1), self.given)
@@ -210,4 +214,5 @@ class _Refits:
             if {*model.kinds} == {*self.model.kinds}:
                 start = self.model
             model = model_fit.fit_model(fitted, start, free_scales=())
+
         return model, costs

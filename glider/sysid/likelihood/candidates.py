@@ -76,8 +76,10 @@ class Candidates:
                 begin = len(scaled)
                 scaled += [(first + j, strength) for j in range(function.count)]
                 own.append(tuple(range(begin, len(scaled))))
+
             variants[function.name] = tuple(own)
             first += function.count
+
         return dataclasses.replace(
             self, variants=variants, functions=new, columns=tuple(scaled)
         )
@@ -229,6 +231,7 @@ def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidate
             first = len(directions)
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
+
     linear = model_fit.linear_flights(task, model, directions, terms)
     flights, wild = tamed(task, directions, linear)
     for kind in set(variants) - set(model.kinds):
@@ -269,6 +272,7 @@ def gather_in_parts(
         costs.append(negative_log_likelihood(now, scales))
         part = dataclasses.replace(part, flights=())  # Before there are others.
         parts.append(part)
+
     kept = {  # What diverges on some flights is offered on none.
         kind: tuple(v for v in own if all(v in p.variants.get(kind, ()) for p in parts))
         for kind, own in parts[0].variants.items()
@@ -324,12 +328,14 @@ def tamed(
     for flight in flights:  # What is not a number is not tame.
         sizes = np.abs(flight.inputs[..., :count]).max(axis=(0, 1), initial=0.0)
         is_tame &= sizes < largest
+
     wild = np.flatnonzero(~is_tame).tolist()
     found = list(flights)
     for i, flight in enumerate(flights if wild else ()):
         inputs = flight.inputs.copy()
         inputs[..., wild] = 0.0
         found[i] = dataclasses.replace(flight, inputs=inputs)
+
     return found, set(wild)
 
 
@@ -347,6 +353,7 @@ def saturated(candidates: Candidates, rounds: int) -> FitResult:
         change = solve(prior.added_to(gram))
         flights = [f.combined(change) for f in candidates.flights]
         scales = fit_scales(flights, scales, iterations=3).scales
+
     model = dataclasses.replace(model, scales=scales)
     own = model_fit.in_surroundings(candidates.task, model, flights).about
     return dataclasses.replace(model, about=model.about | own)

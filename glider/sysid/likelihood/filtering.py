@@ -202,6 +202,7 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         air, air_z, moment, servo, *constants = by_start[n:]
         if start[n + 3] > 0.0:  # Of it, the departure's error is no scale.
             servo *= scales.servo**2 / start[n + 3]
+
     by_name = {
         "position": sensors[0] + sensors[1],
         "pitch": sensors[2],

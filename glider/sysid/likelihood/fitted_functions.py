@@ -148,6 +148,7 @@ def functions_of(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...
                     coordinates=np.ones(1),
                 )
             )
+
     return tuple(found)
 
 
@@ -221,6 +222,7 @@ def _make_function(
     if function.kind in _ABOUT_MEAN:
         mean = shown.mean(axis=0, keepdims=True) @ basis
         basis = basis @ scipy.linalg.null_space(mean)
+
     squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
     spreads = np.sqrt(np.maximum(squares[::-1], 0.0))
     basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]
@@ -254,8 +256,10 @@ def _grid(
         if variable in _WIDEST:
             widest = (1 + is_pair) * _WIDEST[variable][level]
             count = max(3, 1 + math.ceil((high - low) / widest))
+
         apart = (high - low) / (count - 1)
         axes.append(low + apart * np.arange(-beyond, count + beyond))
+
     centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     centers = centers.reshape(-1, len(axes))
     widths = width * np.array([axis[1] - axis[0] for axis in axes])

@@ -123,7 +123,9 @@ class LinearFlight:
             else:
                 by_value = self.by_term[:, :, self.terms.index(effect.kind)]
                 inputs[:, :, first:last] = -by_value[:, :, None] * values[:, None]
+
             first = last
+
         return dataclasses.replace(self, inputs=inputs, outputs=outputs, start=start)
 
 
@@ -186,6 +188,7 @@ def linearize(
             begins = nodes[0, NUM_STATES:] - states_at_rest(record, other, nodes[0])
             own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
             start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
+
     index = [ROWS[name] for name in shown]
     width = states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
@@ -215,6 +218,7 @@ def linearize(
         [per_second] = _secants(record, theta, gaussians, delay, about, usual)
         for j, seconds in late.items():
             inputs[:, :, j] = -seconds * per_second[:, :width]
+
     by_x = by_x.take(states, 1).take(states, 2)
     by_term = by_term.take(states, 1)
     by_trim = by_x[:, :, OFFSET].copy()
@@ -223,6 +227,7 @@ def linearize(
         [slot] = space.slots_of(PITCH_MOMENT.kind)
         per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
         by_trim = per_radian * by_term[:, :, shown.index("c_moment")]
+
     return LinearFlight(
         record=record,
         about=about,
@@ -280,6 +285,7 @@ def _secants(
         nodes[shapes] = true_nodes(record, base, gaussians, with_states=True)
         if not states or not set(states).isdisjoint(acting):
             [ends[shapes]] = _ends_of(record, gaussians, about, [(base, nodes[shapes])])
+
     flown = [(d.moved(theta), nodes[d.shapes]) for d in directions]
     moved = zip(directions, _ends_of(record, gaussians, about, flown), strict=True)
     return [(end - ends[d.shapes]) / d.size for d, end in moved]
@@ -318,6 +324,7 @@ def _outputs(
         elif d.slot >= space.num_flown:
             moved = _logged(record, nodes, d.moved(theta))
             outputs[:, 3:, j] = (moved - logged) / d.size
+
     measured = [*record.pose.T, record.elevator, record.pitch_rate]
     outputs[:, :, -1] = np.stack(measured[: shown.shape[1]], axis=1) - shown
     return outputs

@@ -197,10 +197,12 @@ def fit_model(
             )
         else:
             value = float(negative_log_likelihood(now, scales).sum())
+
         if any(excludes(scales, own) for own in current.about.values()):
             current = dataclasses.replace(current, scales=scales)
             current = in_surroundings(task, current, now)
             continue
+
         prior = prior_of(task, current, start=model.theta)
         value += 0.5 * float(prior.precision @ prior.mean**2)
         value = value if np.isfinite(value) else np.inf
@@ -214,6 +216,7 @@ def fit_model(
             about_moves = False
             current = moved(task, best, step)
             continue
+
         gained = np.inf if best is None else best.cost - value
         best = current
         tries = 0
@@ -229,10 +232,12 @@ def fit_model(
         if not np.all(np.isfinite(step)):  # It diverges.
             best = current = dataclasses.replace(best, cost=np.inf)
             break
+
         current = moved(task, best, step)
         if about_moves:
             now = [f.combined(step) for f in flights]
             current = in_surroundings(task, current, now)
+
     best = best or current
     if not with_strength:
         return best
@@ -301,7 +306,9 @@ def _fit_strength(
             strength = float(np.sqrt(np.mean(mine)))
             strength = min(max(strength, RESOLVED), PRIOR_SCALES)
             functions.append(dataclasses.replace(fitted, strength=strength))
+
         model = dataclasses.replace(model, functions=tuple(functions))
+
     prior = prior_of(task, model)
     total = prior.added_to(gram)
     precision = prior.precision[own]

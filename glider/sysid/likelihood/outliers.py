@@ -49,6 +49,7 @@ def _mean_squares(task: Task, noise: Noise) -> np.ndarray:
         squares = np.einsum("i,fij,j->f", left, grams, left) / counts
         squares = np.maximum(squares, _LEAST_SQUARE)
         weights = 1.0 / np.maximum(squares / np.median(squares), 1.0)
+
     return squares
 
 
@@ -99,4 +100,5 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
         for i in np.flatnonzero(np.abs(apart) > Z).tolist():
             words = f"no other flight needs {kind} as of {values[i]:.2g}"
             found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
+
     return found if FOLDS * len(found) <= len(task.records) else {}

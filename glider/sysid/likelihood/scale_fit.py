@@ -83,6 +83,7 @@ def fit_scales(
         if not np.all(np.isfinite(fisher)):
             curvature = None
             break
+
         fisher += np.diag(_PRECISION[index] + _LEAST_FISHER)
         system = np.pad(fisher, (0, 1))
         system[:-1, -1] = -slopes[index]
@@ -110,13 +111,16 @@ def fit_scales(
                 value = lower
                 damping = 0.1 * damping if damping > 1e-2 else 0.0
                 break
+
             damping = max(10.0 * damping, 0.1)
+
         if gained < tolerance:
             if not is_given:
                 break
             curvature = None
             damping = 0.0
             is_given = False
+
     return _FittedScales(Scales.from_logs(logs), value, curvature)
 
 

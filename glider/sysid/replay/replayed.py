@@ -73,6 +73,7 @@ def _replayed(record: Record, last: bytes) -> _Signals:
     if not record.has_servo:
         still = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
         return _Signals(*still, np.ones(n, bool))
+
     middle = 0.5 * (record.time[1:] + record.time[:-1])
     query = np.concatenate([record.time, middle]) - latency_of(record, replay)
     query = np.concatenate([query, record.time])
@@ -173,6 +174,7 @@ def _without_sensors(
         states[:, :3] += missed
         if np.abs(missed).max() < 1e-14:  # Most effects are gone at once.
             break
+
     nodes = states[:n]
     later = states[n:]
     nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
@@ -195,6 +197,7 @@ def flow_along(
         theta, shift = trimmed(record, theta, trim)
         nodes = true_nodes(record, theta, gaussians)
         nodes[:, OFFSET] = shift
+
     return nodes, flow_at_nodes(record, theta, nodes, gaussians)
 
 
@@ -228,6 +231,7 @@ def make_table(
         own = nodes[:, 2], flow, alpha, turning
         accelerations = record.acceleration, record.acceleration_std
         flights.append([values[_EDGE:-_EDGE] for values in (*own, *accelerations)])
+
     stacked = map(np.concatenate, zip(*flights, strict=True))
     pitch, flow, alpha, turning, measured, std = stacked
     modelled, (air_x, air_z), variables = flow[:, :3], flow[:, 3:5].T, flow[:, 5:].T

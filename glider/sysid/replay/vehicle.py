@@ -86,16 +86,19 @@ def make_vehicle(campaign: Campaign, space: ParameterSpace = LIBRARY_SPACE) -> V
         spreads[i] = share * float(theta[i])
         if name == "wing_offset":
             spreads[i] = _WING_SPREAD
+
     for kind in space.kinds.values():
         if kind.unknown_without is not None:
             fact, spread = kind.unknown_without
             if fact not in facts:
                 spreads[space.slots_of(kind.kind)[0]] = spread
+
     if is_per_mass:
         notes.append(
             "No mass or area is specified: the mass is set to 1 kg, "
             "so areas and inertia are per kg."
         )
+
     notes += [
         f"'{name}' is not specified; {theta[space.index[name]]:g} is assumed."
         for name in _CONVENTIONAL
@@ -138,6 +141,7 @@ def _hidden(
     for kind in space.kinds.values():
         if any(facts.isdisjoint(need.split(" or ")) for need in kind.needs):
             dropped.add(kind.kind)
+
     if "servo" not in facts:
         dropped |= {kind.kind for kind in space.replayed}
     elif servo.command == "reconstructed":
@@ -147,12 +151,14 @@ def _hidden(
             f"{', '.join(actuators)} were not tried: the commands were reconstructed "
             "from the measured elevator."
         )
+
     std = math.hypot(servo.clock_std, servo.command_std)
     if std > 2.0 * CLOCK_STD:
         notes.append(
             f"The servo's times are known to ± {1e3 * std:.2g} ms only: a delay that "
             "this explains cannot be found."
         )
+
     if "wing_offset" not in facts:
         notes.append("The tracked point is assumed to be the center of mass.")
     return dropped, notes

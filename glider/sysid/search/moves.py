@@ -84,6 +84,7 @@ def _with_mean(search: Search, model: FitResult) -> FitResult | None:
         other = search.fit(other, f"{kind} in all flights?")
         if search.prefers(other, model):
             return other
+
     return None
 
 
@@ -102,6 +103,7 @@ def _renamed(search: Search, model: FitResult) -> FitResult | None:
         options = [max(score.larger(s), key=score, default=s) for s in (rest, own)]
         if found := search.better(model, near, options):
             return found
+
     return None
 
 
@@ -116,6 +118,7 @@ def _with_another(search: Search, model: FitResult) -> FitResult | None:
         for other in (*score.larger(own), *score.swapped(own)):
             kind = other[-1][0]
             found[kind] = max(found.get(kind, other), other, key=score)
+
         for members in found.values():
             if score(members) > score(own) - CLEAR:
                 yield members
@@ -147,6 +150,7 @@ def _reshaped(search: Search, model: FitResult) -> FitResult | None:
             other = search.fit(other, words, rival=model, again=True)
             if search.penalized_cost(other) < search.penalized_cost(model):
                 return other
+
     return None
 
 

@@ -99,12 +99,14 @@ class Scorer:
                     own, coordinates=step, strength=strength
                 )
                 continue
+
             directions = [self.candidates.directions[c] for c in variant]
             for slot, shape in (pair for d in directions for pair in d.shapes):
                 theta[slot] = shape
             slots = [d.slot for d in directions]
             values = task.priors(slots, theta)[0] + step
             theta[slots] = np.clip(values, *task.bounds(slots))
+
         return dataclasses.replace(
             model,
             kinds=kinds,
@@ -126,6 +128,7 @@ class Scorer:
             more = [variant for *_, (_, variant) in new.values()]
             gains = self.evidence.extended(_columns_of(members), more)
             self._kept.update(zip(new, gains, strict=True))
+
         return sets
 
     def smaller(self, members: Members) -> Iterable[Members]:
@@ -167,6 +170,7 @@ def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> 
         }
         held_out = HeldOutEvidence(candidates, grams, counts)
         return Scorer(candidates, held_out, lambda kind, kinds: thresholds[kind])
+
     evidence = candidates.evidence(np.tensordot(counts, grams, 1))
     return Scorer(candidates, evidence, functools.partial(threshold_of, task))
 
@@ -197,6 +201,7 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
         own = log(len(FAMILIES))
     else:
         own = constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP
+
     return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own
 
 
@@ -238,6 +243,7 @@ def best_of_sizes(score: Scorer) -> list[Members]:
         beam = list({frozenset(m): m for m in reached}.values())
         found.append(max(beam, key=score))
         best = max(best, found[-1], key=score)
+
     return found
 
 

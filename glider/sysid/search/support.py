@@ -95,6 +95,7 @@ class Search:
         if known is not None:  # Little less is the same one.
             least = self.penalized_cost(known) - (RIVAL_GAP if is_done else 0.0)
             model = model if self.penalized_cost(model) < least else known
+
         self.fitted[key] = model
         return model
 
@@ -140,6 +141,7 @@ class Search:
             found = other if is_best and self.prefers(other, model) else found
             if first and found is not model:
                 break
+
         return None if found is model else found
 
 
@@ -189,6 +191,7 @@ def weigh(
             times = np.bincount(drawn, minlength=len(grams)).astype(float)
             _, members = near.best(times)
             resampled.append({kind for kind, _ in members})
+
         draws = len(resampled)
         found = {
             kind: EffectSupport(

@@ -114,6 +114,7 @@ def _rivals_of(
             others = climb(near.among(offered - {kind}), rest)
             if near(others) > near(members) - CLEAR:
                 search.fit(near.begin(others))
+
     found = []
     allowed = search.task.offered
     for kinds, other in search.fitted.items():
@@ -122,6 +123,7 @@ def _rivals_of(
             lack = max(lack, 0.0)
         if kinds != own and 0.0 <= lack < RIVAL_GAP:
             found.append((other, lack))
+
     found.sort(key=lambda pair: (own.issubset(pair[0].kinds), pair[1]))
     return tuple(found[:FOLLOWED])
 
@@ -131,18 +133,25 @@ def _names_of(
 ) -> dict[str, str]:
     """Returns the names by which the effects of a model are reported.
 
-    A formula has its own. It has none beside free functions where it brings less than a
-    share `SLIGHT` of the evidence: functions leave errors of that size. A free function
-    has that of a formula at its link which, in its place and beside those with a name,
-    explains a share `EXPLAINED` of what the function gains; or `MOSTLY` where it bends
-    one of these, of which it is a part otherwise. Else it is unexplained.
+    A formula has its own. Beside free functions it has none where it brings less than a
+    share `SLIGHT` of the evidence, as functions leave errors of that size; or than a
+    share `EXPLAINED` of that of one that bends it. A free function has the name of a
+    formula at its link which, in its place and beside those with a name, explains a
+    share `EXPLAINED` of what the function gains; or `MOSTLY` where it bends one of
+    these, of which it is a part otherwise. Else it is unexplained.
     """
     near = search.near(model) if model.free_kinds else None
     if near is None:
         return {kind: kind for kind in model.kinds}
-    least = SLIGHT * sum(evidence.values())
-    ranked = sorted(model.kinds, key=evidence.__getitem__, reverse=True)
-    shown = [kind for kind in ranked if evidence[kind] >= least]
+    shown = []
+    for kind in sorted(model.kinds, key=evidence.__getitem__, reverse=True):
+        bending = [f for f in model.free_kinds if kind in FAMILIES[f].bends]
+        least = max(
+            (EXPLAINED * evidence[function] for function in bending),
+            default=SLIGHT * sum(evidence.values()),
+        )
+        if evidence[kind] >= least:
+            shown.append(kind)
     names = {kind: kind for kind in shown if kind not in FAMILIES}
     own = dict(near.by_first(model.kinds))
     slight = {*model.kinds} - FAMILIES.keys() - names.keys()
@@ -160,6 +169,7 @@ def _names_of(
             [*_, (names[function], _)] = best
         else:
             names[function] = max(bent, key=evidence.__getitem__, default=UNEXPLAINED)
+
     return names
 
 
@@ -198,6 +208,7 @@ def _supported(
         if search.prefers(best, model):
             model = grown(best)
             continue
+
         weighed = weigh(search.task, model, rng)
         evidence = _evidence_of(model, fewer)
         doubted = [k for k, own in weighed.items() if own.support < LEAST_SUPPORT]
@@ -257,12 +268,14 @@ def _trace_by_predictions(
         if frozenset(model.kinds) in tried:
             break
         tried.append(frozenset(model.kinds))
+
     progress(Step("weighing the effects", 0.3))
     weighed = weigh(task, model, rng)
     bare = model
     if model.kinds:
         progress(Step("fitting the flat plate alone", 0.5))
         bare = fit_model(task, model.without(task, *model.kinds), free_scales=())
+
     progress(Step("fitting the moment", 0.53))
     return SearchResult(
         model=_with_moment(task, model, noise),

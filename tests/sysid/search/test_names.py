@@ -73,13 +73,20 @@ def test_a_function_and_a_formula_that_it_bends_are_one_effect():
 
 @pytest.mark.parametrize(("share", "name"), [(0.6, "camber"), (0.4, "attached_lift")])
 def test_it_is_one_of_its_own_where_another_formula_explains_most_of_it(share, name):
-    evidence = {"attached_lift": 27.0, LIFT: 270.0}
+    evidence = {"attached_lift": 30.0, LIFT: 270.0, "profile_drag": 9000.0}
     found = names(evidence, {(LIFT, "camber"): share})
-    assert found == {"attached_lift": "attached_lift", LIFT: name}
+    assert found == {
+        "profile_drag": "profile_drag",
+        "attached_lift": "attached_lift",
+        LIFT: name,
+    }
 
 
 def test_what_stands_for_errors_of_free_functions_has_no_name():
-    """It is not what the function bends then, but may be what explains it."""
+    """It is not what the function bends then, but may be what explains it.
+
+    A tenth of what the function brings counts, whatever the others do.
+    """
     found = names({"camber": -0.6, LIFT: 1500.0}, {(LIFT, "attached_lift"): 0.5})
     assert found == {LIFT: "attached_lift"}
     found = names({"camber": -0.6, LIFT: 1500.0}, {(LIFT, "camber"): 0.2})
