@@ -53,7 +53,7 @@ test: setup
 	$(PYTEST) -m 'not (nightly or browser or docs or readme)' $(PARALLEL) $(PYTEST_ARGS)
 
 browser: setup
-	$(PYTEST) -m browser $(call marked,browser) $(PYTEST_ARGS)
+	$(PYTEST) -m 'browser and not nightly' $(call marked,browser) $(PYTEST_ARGS)
 
 docs: setup
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs out/docs

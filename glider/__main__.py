@@ -34,6 +34,7 @@ _COMMANDS: dict[str, tuple[ModuleType | None, str]] = {
     "import": (import_logs, "convert logs of other software into a campaign"),
     "fly": (None, "fly throws live, with a real or a simulated glider"),
     "lab": (None, "run a session in the lab, with the loop closed between throws"),
+    "make-funnel": (None, "make a funnel of the launches from which a glider perches"),
     "check-funnel": (check_funnel, "check a saved funnel in exact arithmetic"),
     "samples": (samples, "list the campaigns that ship with this package"),
     "doctor": (doctor, "check this installation"),

@@ -133,6 +133,7 @@ def test_the_page_shows_the_station_and_stops_it(browser, folder, tmp_path):
         assert seen.faults == []
 
 
+@pytest.mark.nightly  # It traces four times, two minutes.
 def test_a_page_goes_on_after_a_restart(browser, folder):
     with contextlib.ExitStack() as stack:
         with served(folder) as url:
