@@ -25,7 +25,7 @@ _PRECISION = np.where(
 )
 
 
-_Flight = TypeVar("Flight")
+_Flight = TypeVar("_Flight")
 
 
 def typical_flights(flights: Sequence[_Flight]) -> Sequence[_Flight]:
