@@ -14,7 +14,7 @@ from scipy.special import ndtri  # scipy.stats takes 0.4 s to import.
 
 from glider.files.schema import Number
 from glider.report import numbers
-from glider.report.terminal import for_console, make_table, writer
+from glider.report.terminal import make_table, writer
 from glider.report.wording import counted, name_of
 from glider.sysid.result import Estimate, Report
 
@@ -119,18 +119,14 @@ def print_comparison(
         write(f"{letter}: {report.campaign}, {flights}")
     write(comparison.summary, "bold")
     write()
-    table = make_table(console, "", "A", "B", "change", "σ", "")
+    table = make_table("", "A", "B", "change", "σ", "")
     for difference in comparison.differences:
         cells = _cells(difference)
         style = ""
         if comparison.is_significant(difference):
             cells[-1] = "*"
             style = "bold"
-        row = []
-        for cell in cells:
-            shown = for_console(cell, console)
-            row.append(Text(shown, style))
-        table.add_row(*row)
+        table.add_row(*(Text(cell, style) for cell in cells))
     console.print(table)
     write(
         "σ: change divided by its standard error; * marks what chance cannot explain."

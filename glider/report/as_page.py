@@ -123,10 +123,5 @@ _DERIVED = ("line_width", "dashes")
 
 def rounded(values: np.ndarray) -> np.ndarray:
     """Numbers of five digits; infinite ones become NaN."""
-    values = np.where(np.isfinite(values), np.asarray(values, dtype=float), np.nan)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        digits = 4 - np.floor(np.log10(np.abs(values)))
-    digits = np.clip(np.nan_to_num(digits), -300, 22)
-    up = 10.0 ** np.maximum(digits, 0)
-    down = 10.0 ** np.maximum(-digits, 0)
-    return np.round(values * up / down) * down / up
+    digits = np.char.mod("%.5g", np.asarray(values, dtype=float)).astype(float)
+    return np.where(np.isfinite(digits), digits, np.nan)

@@ -59,18 +59,28 @@ def check_report(checked: Checked) -> dict[str, Any]:
     problem = checked.purpose.problem or PerchingProblem()
     proof = checked.proof
     latency = checked.latency
+    settings = funnel.settings
     last = funnel.nominal.times[-1]
     report = dataclasses.asdict(checked.verdict) | {
-        "loop": _loop_report(funnel),
+        "loop": {  # The state is the true one; the period is exact.
+            "state": "true",
+            "commands": "held" if settings.period else "continuous",
+            "period_s": settings.period,
+            "latency_s": 0.0,
+            "jitter_s": 0.0,
+            "command_error_rad_s": settings.command_error,
+            "wind_m_s": settings.wind,
+            "set_level": funnel.allowed.level if funnel.is_of_set else None,
+        },
         "holds": checked.holds,
         "file_sha256": funnel.sha256,
         "glider_sha256": _model_hash(funnel.nominal.model),
         "made_for": gliders_note(funnel),
         "inlet": set_sizes(funnel, 0.0),
         "last_set": set_sizes(funnel, last),
-        "command_error_rad_s": funnel.settings.command_error,
-        "wind_m_s": funnel.settings.wind,
-        "period_s": funnel.settings.period,
+        "command_error_rad_s": settings.command_error,
+        "wind_m_s": settings.wind,
+        "period_s": settings.period,
         "largest_command_error_rad_s": float(funnel.errors.max()),
         "model_compared": checked.path is not None,
         "set_compared": funnel.is_of_set and bool(checked.purpose.covariance),
@@ -96,25 +106,6 @@ def check_report(checked: Checked) -> dict[str, Any]:
             "first_command_is_predicted": False,
         }
     return report
-
-
-def _loop_report(funnel):
-    """Returns the loop that a theorem is about as it is written to JSON.
-
-    The state is the true one, without an estimator; the period is exact.
-    """
-    settings = funnel.settings
-    level = funnel.allowed.level if funnel.is_of_set else None
-    return {
-        "state": "true",
-        "commands": "held" if settings.period else "continuous",
-        "period_s": settings.period,
-        "latency_s": 0.0,
-        "jitter_s": 0.0,
-        "command_error_rad_s": settings.command_error,
-        "wind_m_s": settings.wind,
-        "set_level": level,
-    }
 
 
 def trial_report(funnel: Funnel, trial: Trial, seed: int) -> dict[str, Any]:

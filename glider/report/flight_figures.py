@@ -21,20 +21,18 @@ _ROWS = 120  # Rows that are drawn of a flight at most.
 
 def shown_flights(result: Result, count: int = _MOST_SHOWN) -> list[HeldOutFlight]:
     """Held-out flights from the best corrected to the worst, evenly by rank."""
-    ranked = rank_flights(result)
-    last = len(ranked) - 1
-    ranks = np.linspace(0, last, min(count, len(ranked)))
-    return [ranked[i] for i in ranks.round().astype(int)]
+    return _evenly(rank_flights(result), count)
 
 
 def flights_in_page(result: Result) -> list[HeldOutFlight]:
     """Flights to choose from, from the worst corrected to the best."""
-    every = shown_flights(result, _MOST_FLIGHTS)
-    every += shown_flights(result)
-    kept = {flight.name for flight in every}
-    ranked = rank_flights(result)[::-1]
+    return _evenly(rank_flights(result)[::-1], _MOST_FLIGHTS)
 
-    return [flight for flight in ranked if flight.name in kept]
+
+def _evenly(flights: list[HeldOutFlight], count: int) -> list[HeldOutFlight]:
+    """At most so many of the flights, the first and the last among them."""
+    ranks = np.linspace(0, len(flights) - 1, min(count, len(flights)))
+    return [flights[i] for i in ranks.round().astype(int)]
 
 
 def held_out_figure(result: Result) -> spec.Figure | None:
@@ -42,7 +40,7 @@ def held_out_figure(result: Result) -> spec.Figure | None:
     flights = flights_in_page(result)
     if not flights:
         return None
-    shown = {flight.name for flight in shown_flights(result)}
+    shown = {flight.name for flight in _evenly(flights, _MOST_SHOWN)}
     errors = [position_rms(flight, "corrected") for flight in flights]
     unit = error_table.unit_beside_floor(result, *errors)
     choices = []
@@ -151,13 +149,7 @@ def _range_of_distances(
     lines: list[spec.Line], noise: float
 ) -> tuple[float, float] | None:
     """Limits of a logarithmic axis that show distances, and the noise if known."""
-    columns = [line.y for line in lines]
-    every = np.concatenate([np.zeros(0), *columns])
-    every = every[np.isfinite(every)]
-    if not every.size:
-        return None
-    low = float(np.quantile(every, 0.02))
-    high = min(float(every.max()), 100.0)
-    if noise > 0.0:
-        low = np.clip(low, 0.2 * noise, 0.5 * noise)
-    return 0.7 * low, 2.0 * max(high, low)
+    distances = np.concatenate([np.zeros(0), *(line.y for line in lines)])
+    around = math.log10(noise) if noise > 0.0 else None
+    ends = bounds(np.log10(distances), quantile=0.02, around=around)
+    return ends and (10.0 ** ends[0], 10.0 ** ends[1])

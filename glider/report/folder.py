@@ -1,6 +1,5 @@
 """The folder of a report: its figures, its page, its model and its numbers."""
 
-import dataclasses
 import datetime
 import importlib.metadata
 import math
@@ -10,13 +9,14 @@ from pathlib import Path
 
 from glider.files.schema import json_text
 from glider.files.writing import replace_files
+from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN
-from glider.physics.model import Origin, model_text
+from glider.physics.model import GliderModel, Origin, model_text
 from glider.report import error_table, flight_figures, model_figures, numbers, wording
 from glider.report.as_page import render_page
 from glider.report.plots.figure import Figure
 from glider.report.plots.style import LABELS
-from glider.sysid.result import Alternative, Result
+from glider.sysid.result import Result
 
 FIGURES: dict[str, Callable[[Result], Figure | None]] = {
     "free_functions": model_figures.free_functions_figure,
@@ -40,15 +40,19 @@ def write_report(result: Result, folder: Path | str) -> None:
         OSError: if it cannot be written.
     """
     files: dict[str, bytes | None] = {"report.html": to_html(result).encode()}
-    text_of_model = model_text(result.model, _origin_of(result), result.covariance)
-    files["model.yaml"] = text_of_model.encode()
+    notes = wording.notes_of(result)
+    text = _model_text(result, result.model, result.covariance, notes)
+    files["model.yaml"] = text.encode()
     for path in Path(folder).glob("rivals/rival_*.yaml"):
         if path.stem.removeprefix("rival_").isdigit():  # Of an earlier run.
             files[f"rivals/{path.name}"] = None
     for number, rival in enumerate(result.rivals, 1):
-        text = model_text(
-            rival.model, _origin_of_rival(result, rival), rival.covariance
+        note = (
+            "a rival of model.yaml: of the explanations that are nearly as likely, its "
+            f"probability is {rival.probability:.2g}, that of model.yaml "
+            f"{result.alternatives[0].probability:.2g}"
         )
+        text = _model_text(result, rival.model, rival.covariance, [note])
         files[f"rivals/rival_{number}.yaml"] = text.encode()
     files["report.json"] = f"{json_text(result.report)}\n".encode()
     replace_files(Path(folder), files, last="report.json")
@@ -75,38 +79,20 @@ def to_html(result: Result) -> str:
     )
 
 
-def _origin_of(result: Result) -> Origin:
-    """Where the corrected model comes from, and how well it is known."""
-    estimates = {}
-    for effect in result.effects:
-        for name, estimate in effect.coefficients.items():
-            estimates[f"{effect.kind}.{name}"] = estimate
-    estimates |= result.vehicle
+def _model_text(
+    result: Result, model: GliderModel, known: Covariance | None, notes: list[str]
+) -> str:
+    """A model's file: what it is, how well it is known, where it comes from."""
     errors = {}
-    for name, estimate in estimates.items():
-        if math.isfinite(estimate.std):
-            errors[name] = float(estimate.std)
+    if known:
+        errors = dict(zip(known.names, known.std.tolist(), strict=True))
     now = datetime.datetime.now().astimezone()
-    return Origin(
+    origin = Origin(
         source=result.path.name,
         date=now.isoformat(timespec="seconds"),
         version=f"drake-glider {result.version}",
         standard_errors=errors,
-        notes=wording.notes_of(result),
+        notes=notes,
         warnings=wording.say("model_warnings", result),
     )
-
-
-def _origin_of_rival(result: Result, rival: Alternative) -> Origin:
-    """The same of a model that is nearly as likely."""
-    errors = {}
-    if known := rival.covariance:
-        errors = dict(zip(known.names, known.std.tolist(), strict=True))
-    chosen = result.alternatives[0]
-    note = (
-        "a rival of model.yaml: of the explanations that are nearly as likely, its "
-        f"probability is {rival.probability:.2g}, that of model.yaml "
-        f"{chosen.probability:.2g}"
-    )
-    origin = _origin_of(result)
-    return dataclasses.replace(origin, standard_errors=errors, notes=[note])
+    return model_text(model, origin, known)

@@ -31,17 +31,6 @@ _MOST_VARIABLES = 3
 _AT = "α %{x:.1f}°: %{y:.3r}"
 
 
-def _term_panel(
-    term: str, marks: list[spec.Line | spec.Band], variable: str
-) -> spec.Panel:
-    """Panel of a term of forces over a variable."""
-    return spec.Panel(
-        title=TERMS[term],
-        marks=[spec.Level(), *marks],
-        x=spec.Axis(label=VARIABLES[variable][0], link=variable),
-    )
-
-
 def free_functions_figure(result: Result) -> spec.Figure | None:
     """The free functions of a corrected model.
 
@@ -77,7 +66,11 @@ def _function_panels(
             line = spec.Line("rest", scaled, value, width=width, is_solid=True)
             lines.setdefault(term, []).append(line)
     panels = [
-        _term_panel(term, [*own], variable)
+        spec.Panel(
+            TERMS[term],
+            [spec.Level(), *own],
+            spec.Axis(VARIABLES[variable][0], link=variable),
+        )
         for term, own in lines.items()
         if any(np.any(line.y != 0.0) for line in own)
     ]

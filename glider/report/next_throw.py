@@ -198,14 +198,13 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
 def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
     """Draws the proposed throws beside the flown flights, in a form of Matplotlib's."""
     p = proposal
-    several = len(p.explanations) > 1
-    labels = [
+    labels = (
         ("x, along the throw [m]", "z, up [m]"),
         ("time since release [s]", "commanded elevator,\nup > 0 [°]"),
         ("time since release [s]", "difference of explanations,\nas fitted now [mm]"),
-    ][: 3 if several else 2]
+    )
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 8.0 if several else 6.0), layout="constrained")
+        figure = Figure(figsize=(9.0, 8.0), layout="constrained")
         axes = figure.subplots(len(labels))
         for k, path in enumerate(p.flown):
             label = "flown" if k == 0 else None
@@ -236,7 +235,8 @@ def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
     paths = p.paths[number]
     first = paths[0, :, :2]
     color = _COLORS[number % len(_COLORS)]
-    path_axes, tape_axes, *others = axes
+    path_axes, tape_axes, apart_axes = axes
+    time = np.arange(paths.shape[1]) / p.place.pose_rate
 
     for e, path in enumerate(paths):
         dashes = _LINES[e % len(_LINES)]
@@ -245,10 +245,8 @@ def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
         x, z = path[:, :2].T
         path_axes.plot(x, z, label=label, **style)
 
-        for ax in others:
-            time = np.arange(len(path)) / p.place.pose_rate
-            apart = np.linalg.norm(path[:, :2] - first, axis=1)
-            ax.plot(time, 1e3 * apart, **style)
+        apart = np.linalg.norm(path[:, :2] - first, axis=1)
+        apart_axes.plot(time, 1e3 * apart, **style)
 
     x, z = first[0]
     path_axes.plot(x, z, "o", color=color, ms=4)

@@ -11,7 +11,6 @@ from rich.text import Text
 
 from glider.report import wording
 from glider.report.error_table import columns_of, error_rows
-from glider.report.numbers import MISSING
 from glider.report.plots.style import LABELS
 from glider.sysid.result import Result
 
@@ -19,11 +18,10 @@ _Writer = Callable[..., None]
 
 
 def writer(console: Console) -> _Writer:
-    """A function that prints a text, in ASCII where the console can show no more."""
+    """A function that prints a text, which is no markup."""
 
     def write(text: str = "", style: str = "", indent: int = 0) -> None:
-        shown = Text(for_console(text, console), style)
-        console.print(Padding(shown, (0, 0, 0, indent)))
+        console.print(Padding(Text(text, style), (0, 0, 0, indent)))
 
     return write
 
@@ -32,27 +30,27 @@ def print_summary(result: Result, console: Console) -> None:
     """Prints the verdict, the effects, the errors before and after, the warnings."""
     write = writer(console)
     write(wording.headline(result), "bold")
-    for sentence in (result.reason, *wording.remarks(result)):
+    for sentence in (result.reason, *wording.say("remarks", result)):
         write(sentence)
     write()
-    for effect in wording.effect_views(result):
-        name, *lines = wording.say("effect", effect)
+    for effect in result.effects:
+        name, *lines = wording.say("effect", result, effect)
         write(name, "bold")
         for line in lines:
             write(line, indent=2)
         write()
-    for sentence in (*wording.differences(result), *wording.say("air", result)):
+    for sentence in (*wording.say("differences", result), *wording.say("air", result)):
         write(sentence[0].upper() + sentence[1:].rstrip(".") + ".")
     for sentence in wording.say("vehicle", result):
         write(sentence)
     write()
-    console.print(_errors_table(result, console))
+    console.print(_errors_table(result))
     write()
     for sentence in wording.say("footnotes", result):
         write(sentence)
 
 
-def make_table(console: Console, *headings: str, **style: Any) -> Table:
+def make_table(*headings: str, **style: Any) -> Table:
     """An empty table that all models of a report fit into, in 80 columns."""
     table = Table(
         box=box.SIMPLE_HEAD,
@@ -62,16 +60,14 @@ def make_table(console: Console, *headings: str, **style: Any) -> Table:
         **style,
     )
     for i, heading in enumerate(headings):
-        text = for_console(heading, console)
-        table.add_column(text, justify="right" if i else "left", no_wrap=bool(i))
+        table.add_column(heading, justify="right" if i else "left", no_wrap=bool(i))
     return table
 
 
-def _errors_table(result: Result, console: Console) -> Table:
+def _errors_table(result: Result) -> Table:
     models = columns_of(result)
     flights = wording.counted(result.flights.held_out, "held-out flight")
     table = make_table(
-        console,
         *("", *(LABELS[m] for m in models), "floor", "gain"),
         title=f"Errors on {flights}",
         title_justify="left",
@@ -83,20 +79,5 @@ def _errors_table(result: Result, console: Console) -> Table:
             group = row.group
             table.add_row(Text(group, "bold"))
         cells = [*(row.cells[m] for m in models), row.floor, row.gain]
-        table.add_row(
-            Text(for_console(f"  {row.name} [{row.unit}]", console)),
-            *(Text(for_console(cell, console)) for cell in cells),
-        )
+        table.add_row(Text(f"  {row.name} [{row.unit}]"), *cells)
     return table
-
-
-def for_console(text: str, console: Console) -> str:
-    """The text, in ASCII where the console can show no more."""
-    if not console.options.ascii_only:
-        return text
-    table = str.maketrans(
-        {"±": "+/-", "×": "x", "²": "^2", "³": "^3", "°": " deg", "σ": "sigma"}
-        | {MISSING: "-", "∞": "inf"}
-    )
-    text = text.replace("[°]", "[deg]").translate(table)
-    return text.encode("ascii", "replace").decode()

@@ -5,20 +5,13 @@ Sentences are in templates/sentences.txt, errors in `error_table`.
 
 import math
 from collections.abc import Iterable, Sized
-from typing import Any
 
 import jinja2
 
 from glider.physics.effects import KINDS
 from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of, unit_beside_floor
-from glider.sysid.result import (
-    LIBRARY_SHAPE,
-    Estimate,
-    FoundEffect,
-    Result,
-    excluded_among,
-)
+from glider.sysid.result import Estimate, Result, excluded_among
 
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
@@ -30,16 +23,6 @@ _WORTH_SHOWING = 0.5  # Least |correlation| of a pair that is shown.
 def headline(result: Result) -> str:
     """The verdict in one sentence."""
     return " ".join(say("headline", result))
-
-
-def remarks(result: Result) -> list[str]:
-    """Sentences that qualify the headline."""
-    return say("remarks", result)
-
-
-def differences(result: Result) -> list[str]:
-    """Flight-to-flight variations that belong to no effect."""
-    return say("differences", result)
 
 
 def say(name: str, *values: object) -> list[str]:
@@ -75,63 +58,6 @@ def notes_of(result: Result) -> list[str]:
     return list(result.settings.get("notes", ()))
 
 
-def effect_views(result: Result) -> list[dict[str, Any]]:
-    """Effects as text."""
-    return [_effect_view(effect, result) for effect in result.effects]
-
-
-def _effect_view(effect: FoundEffect, result: Result) -> dict[str, Any]:
-    items = list(effect.coefficients.items())
-    units = {name: c.unit for name, c in items}
-    others = effect.indistinguishable_from
-    return {
-        "kind": effect.kind,
-        "is_unexplained": effect.kind == "unexplained",
-        "words": effect.words,
-        "coefficients": _values(items[:_MOST_COEFFICIENTS]),
-        "more": max(len(items) - _MOST_COEFFICIENTS, 0),
-        "spread": [
-            (name_of(name), numbers.format_spread(s, units.get(name, "")))
-            for name, s in effect.spread_over_flights.items()
-        ],
-        "evidence": numbers.format_evidence(effect.evidence),
-        "share": numbers.format_share(effect.share_of_residual),
-        "inclusion": numbers.format_share(effect.inclusion),
-        "shape_fits": effect.shape == LIBRARY_SHAPE,
-        "confused": [
-            f"{words} ({kind})"
-            for words, kind in zip(words_of(result, others), others, strict=True)
-        ],
-        "depends_on": effect.depends_on,
-    }
-
-
-def rival_rows(result: Result) -> list[tuple[str, list[str], str]]:
-    """File, effects and probability of the corrected model and its rivals, if any."""
-    if not result.rivals:
-        return []
-    models = {"model.yaml": result.alternatives[0]}
-
-    for number, own in enumerate(result.rivals, 1):
-        models[f"rivals/rival_{number}.yaml"] = own
-
-    rows = []
-
-    for file, own in models.items():
-        share = f"{100.0 * own.probability:.3g} %"
-        rows.append((file, _of_model(result, own.model), share))
-
-    return rows
-
-
-def _of_model(result, model):
-    """Short phrases for the effects of a model, and for the free functions it has."""
-    free = [
-        f"free functions of {', '.join(own.variables)}" for own in model.free_functions
-    ]
-    return [*words_of(result, [e.kind.kind for e in model.effects]), *free]
-
-
 def correlation_rows(result: Result) -> list[tuple[str, str, str]]:
     """Pairs of coefficients with correlated errors, the closest first."""
     pairs = {}
@@ -146,11 +72,6 @@ def correlation_rows(result: Result) -> list[tuple[str, str, str]]:
     return [(a, b, f"{value:+.2f}") for (a, b), value in ranked[:_MOST_PAIRS]]
 
 
-def vehicle_rows(result: Result) -> list[tuple[str, str]]:
-    """Estimated parameters of the vehicle."""
-    return _values(result.vehicle.items())
-
-
 _CLOCKS = {
     "poses": "offset of the poses' clock from that of the servo",
     "commands": "offset of the commands' clock from that of the elevator",
@@ -159,21 +80,9 @@ _CLOCKS = {
 }
 
 
-def clock_rows(result: Result) -> list[tuple[str, str]]:
-    """Estimated offsets of clocks and biases of sensors."""
-    values = _values(result.clocks.items())
-    return [(_CLOCKS.get(name, name), value) for name, value in values]
-
-
-def _values(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, str]]:
-    """Names and estimates, angles in degrees too."""
-    rows = []
-
-    for name, c in estimates:
-        text = numbers.format_estimate(c) + numbers.in_degrees(c)
-        rows.append((name_of(name), text))
-
-    return rows
+def _value(c: Estimate) -> str:
+    """An estimate, an angle in degrees too."""
+    return numbers.format_estimate(c) + numbers.in_degrees(c)
 
 
 def spread_rows(result: Result) -> list[tuple[str, str, str]]:
@@ -221,18 +130,21 @@ TEMPLATES.globals |= {
     "excluded_among": excluded_among,
     "error": lambda r, model: error_of(r, model, FREE),
     "estimate": numbers.format_estimate,
+    "evidence": numbers.format_evidence,
     "from_to": _from_to,
     "inf": math.inf,
     "join": join,
     "notes_of": notes_of,
-    "clock_rows": clock_rows,
-    "vehicle_rows": vehicle_rows,
+    "clock_name": lambda name: _CLOCKS.get(name, name),
     "length": lambda r, value: unit_beside_floor(r, value).text(value),
     "may_be_chance": lambda r: r.left.ratio_to_floor > 1.0 and r.left.may_be_chance,
     "metres": numbers.format_length,
     "model_of": _model_of,
+    "most_coefficients": _MOST_COEFFICIENTS,
     "name_of": name_of,
+    "share": numbers.format_share,
     "spread": numbers.format_spread,
+    "value": _value,
     "vars": vars,
     "words_of": words_of,
 }

@@ -6,7 +6,7 @@ log -> inspect -> smooth -> signs -> search -> errors before and after -> verdic
 import dataclasses
 import importlib.metadata
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -31,16 +31,22 @@ from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
-from glider.sysid.likelihood.uncertainty import averaged, uncertainty_of
+from glider.sysid.likelihood.uncertainty import Uncertainty, averaged, uncertainty_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
 from glider.sysid.verdict import find_doubt, judge, with_excluded
 
-SHARES = {
-    **{"compile": 0.06, "signs": 0.08, "smooth": 0.12, "compare": 0.14, "trace": 0.15},
-    **{"refit": 0.85, "predict": 0.89, "weigh": 0.98},
+_SHARES = {
+    "compile": 0.06,
+    "signs": 0.08,
+    "smooth": 0.12,
+    "compare": 0.14,
+    "trace": 0.15,
+    "refit": 0.85,
+    "predict": 0.89,
+    "weigh": 0.98,
 }
 """Usual shares of the time when the stages begin, measured on the samples."""
 
@@ -62,7 +68,7 @@ class Analysis:
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:
         """Times a stage and announces it."""
-        self.progress(Step(words or name, SHARES[name]))
+        self.progress(Step(words or name, _SHARES[name]))
         begin = time.perf_counter()
         yield
         self.seconds[name] = time.perf_counter() - begin
@@ -71,25 +77,75 @@ class Analysis:
         """Runs all stages."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.space)
-        found = self._search(self._smooth())
+        flights = self._smooth()
+        found = self._search(flights)
+        task = found.task
+        traced = found.traced
+        model = traced.model
         with self.stage("refit", "refitting the flat plate alone"):
-            baseline = found.traced.bare
-            fitted = [r.name for r in found.task.records]
-            if found.traced.forces is None:  # To the log as it is, signs and all.
-                logged = found.task.on(found.flights.of("refitted", fitted))
+            baseline = traced.bare
+            if traced.forces is None:  # To the log as it is, signs and all.
+                fitted = [r.name for r in task.records]
+                logged = task.on(flights.of("refitted", fitted))
                 free = self.vehicle.baseline_slots
                 baseline = fit_model(logged, dataclasses.replace(baseline, free=free))
+
         with self.stage("predict", "predicting held-out flights"):
-            spreads = outcome.spreads_of(found.task, found.traced.model)
+            spreads = outcome.spreads_of(task, model)
             evaluated, folds = evaluate(
                 found, self.held_out, baseline, spreads, self.rng
             )
+
         with self.stage("weigh", "standard errors"):
-            of_model = self._weigh(found, spreads)
+            alternatives, known = _weigh(found)
+            effects = outcome.effects_of(task, traced, known, spreads, flights.signs)
+
+        logged = self.inspection.campaign
+        doubt = self._doubt(found)
+        verdict, reason = judge(
+            traced, folds, evaluated["errors"], effects, evaluated["left"], doubt
+        )
+        rows = [s for s in self.inspection.excluded if s.file not in found.outlying]
+        for name, why in found.outlying.items():
+            rows.append(ExcludedRows(file=name, rows=ALL, why=why))
+        excluded = result.excluded_among(rows)
         flown = tuple(flight.name for flight in evaluated["held_out"])
-        of_run = self._of_run(found, flown)
-        judged = self._judge(found, of_run | evaluated | of_model, folds)
-        whole = result.Result(**of_run, **evaluated, **of_model, **judged)
+        fitted = tuple(name for name in self.fitted if name not in found.outlying)
+        names = result.FlightNames(fitted, flown)
+        rolling = {f.name: describe_planarity(f) for f in logged.flights}
+        covariance = outcome.covariance_of(task, known)
+        of_effects = covariance and covariance.among(model.kinds)
+        scales = model.scales
+        space = self.vehicle.space
+        whole = result.Result(
+            campaign=logged.name,
+            path=logged.path,
+            flights=names,
+            knows_forces=self.vehicle.knows_forces,
+            verdict=verdict,
+            reason=with_excluded(reason, excluded, names.count + len(excluded)),
+            effects=effects,
+            **evaluated,
+            evidence_threshold=traced.threshold,
+            air=result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
+            spreads=spreads,
+            vehicle=outcome.vehicle_of(task, model, known),
+            clocks=outcome.clocks_of(task, model, known),
+            model=alternatives[0].model,
+            alternatives=alternatives,
+            covariance=covariance,
+            correlations=of_effects.correlations if of_effects else {},
+            warnings=tuple(self._warnings(found, flown, folds)),
+            set_aside=tuple(sorted(rows, key=lambda s: s.file)),
+            planarity={name: words for name, words in rolling.items() if words},
+            noise=result.MeasurementNoise(flights.noise.position, flights.noise.pitch),
+            log_findings=self.inspection.warnings + flights.findings,
+            own_effects=tuple(space.kinds[n] for n in self.settings["own_effects"]),
+            seed=self.settings["seed"],
+            settings=self.settings,
+            seconds=self.seconds,
+            version=importlib.metadata.version("drake-glider"),
+        )
         return with_derivatives(whole)
 
     def _smooth(self) -> SmoothedFlights:
@@ -109,11 +165,13 @@ class Analysis:
             if effects is None or ANGLE_SIGN.kind in effects:
                 few = tuple(f for f in logged.flights if f.name in self.fitted)
                 signs = find_signs(logged, few, masks, self.vehicle)
+
         campaign = turn_campaign(logged, signs)
         campaign, of_servo = identify_servo(campaign, masks)
         with self.stage("smooth"):
             noise, records = smoothed(campaign)
             as_logged = records if signs.are_right else smoothed(logged)[1]
+
         return SmoothedFlights(campaign, signs, noise, records, as_logged, of_servo)
 
     def _search(self, flights: SmoothedFlights) -> Searched:
@@ -134,6 +192,7 @@ class Analysis:
                 for name, ratio in find_outlying(everything, noise).items()
             }
             everything, task = self._without(outlying, everything)
+
         with self.stage("trace"):
             traced = trace(task, noise, self.rng, self.progress)
             if extreme := find_extreme(everything, traced.model):
@@ -143,6 +202,7 @@ class Analysis:
                 if again:
                     self.progress(f"again without {', '.join(again)}")
                     traced = trace(task, noise, self.rng, self.progress)
+
         return Searched(flights, everything, task, traced, outlying, extreme)
 
     def _without(
@@ -159,131 +219,78 @@ class Analysis:
             )
         return everything.on(kept), everything.on(fitted)
 
-    def _weigh(
-        self, found: Searched, spreads: dict[str, result.Spread]
-    ) -> dict[str, Any]:
-        """Fields of a result about the model, with standard errors."""
-        task = found.task
-        traced = found.traced
-        signs = found.flights.signs
-        rivals = [rival for rival, _ in traced.rivals]
-        probabilities = softmax([0.0, *(-lack for _, lack in traced.rivals)]).tolist()
-        judged = [traced.judged, *rivals]
-        errors = [uncertainty_of(task, model) for model in judged]
-        known = averaged(probabilities, judged, errors)
-        covariance = outcome.covariance_of(task, known)
-        kinds = traced.model.kinds
-        models = [traced.model, *rivals]
-        alternatives = [
-            result.Alternative(
-                probability=probability,
-                model=outcome.model_of(task, model, signs),
-                covariance=outcome.covariance_of(task, own),
-            )
-            for probability, model, own in zip(
-                probabilities, models, errors, strict=True
-            )
-        ]
-        return {
-            "effects": outcome.effects_of(task, traced, known, spreads, signs),
-            "spreads": spreads,
-            "vehicle": outcome.vehicle_of(task, traced.model, known),
-            "clocks": outcome.clocks_of(task, traced.model, known),
-            "model": alternatives[0].model,
-            "covariance": covariance,
-            "correlations": covariance.among(kinds).correlations if covariance else {},
-            "alternatives": tuple(alternatives),
-        }
+    def _doubt(self, found: Searched) -> str | None:
+        """Finds the reason why the model cannot be trusted: one clause, or None."""
+        doubt = find_doubt(found.task, found.traced.model)
+        if doubt is None and POSITION_SCALE.kind not in found.traced.model.kinds:
+            for warning in self.inspection.warnings:
+                if warning.startswith(SCALE):
+                    return warning.rstrip(".")
+        return doubt
 
-    def _judge(
-        self, found: Searched, fields: dict[str, Any], folds: HeldOut | None
-    ) -> dict[str, Any]:
-        """Fields of a result that judge the others: the verdict, and warnings."""
-        traced = found.traced
-        kinds = found.traced.model.kinds
-        doubt = find_doubt(found.task, traced.model)
-        for warning in self.inspection.warnings:
-            if warning.startswith(SCALE) and POSITION_SCALE.kind not in kinds:
-                doubt = doubt or warning.rstrip(".")
-        errors = fields["errors"]
-        effects = fields["effects"]
-        left = fields["left"]
-        verdict, reason = judge(traced, folds, errors, effects, left, doubt)
-        excluded = result.excluded_among(fields["set_aside"])
-        count = fields["flights"].count + len(excluded)
-        reason = with_excluded(reason, excluded, count)
-        warnings = []
+    def _warnings(
+        self, found: Searched, flown: Collection[str], folds: HeldOut | None
+    ) -> Iterator[str]:
+        """Yields sentences about what limits the result."""
         if (tried := self.settings["effects"]) is not None:
             others = len({*self.vehicle.kinds} - {*tried})
             were = "was" if len(tried) == 1 else "were"
-            warnings.append(
+            yield (
                 f"only {', '.join(tried)} {were} tried; {others} other effects were "
                 "omitted and cannot be found, and their influence may be attributed to "
                 "those that were tried."
             )
-        warnings += _warnings_of(found.flights)
-        known = {*found.outlying, *(flight.name for flight in fields["held_out"])}
-        warnings += (
-            f"{name}: every model diverges on this held-out flight; it is excluded "
-            "from the errors."
-            for name in self.held_out
-            if name not in known
-        )
-        warnings += (
-            f"{name}: the corrected model explains it far worse than the others (are "
-            "rows or commands wrong?); in the folds it is predicted and not fitted."
-            for name in (folds.apart if folds else ())
-            if name not in found.outlying
-        )
-        gains = np.zeros(0) if folds is None else folds.gain.values
+
+        is_measured = found.flights.campaign.servo.angle == "measured"
+        for record in found.flights.corrected.values():
+            if record.has_servo and is_measured and not record.seen[:, 3].any():
+                yield (
+                    f"{record.name}: no elevator row counts; the elevator is assumed "
+                    "where its commands have it."
+                )
+
+        for name in self.held_out:
+            if name not in found.outlying and name not in flown:
+                yield (
+                    f"{name}: every model diverges on this held-out flight; it is "
+                    "excluded from the errors."
+                )
+
+        if folds is None:
+            return
+        for name in folds.apart:
+            if name not in found.outlying:
+                yield (
+                    f"{name}: the corrected model explains it far worse than others "
+                    "(are rows or commands wrong?); in the folds it is predicted and "
+                    "not fitted."
+                )
+
+        gains = folds.gain.values
         lost = np.count_nonzero(gains < 0.0)
-        if kinds and FOLDS * lost > len(gains):
-            warnings.append(
-                f"The correction does not improve {lost} of {len(gains)} flights."
+        if found.traced.model.kinds and FOLDS * lost > len(gains):
+            yield f"The correction does not improve {lost} of {len(gains)} flights."
+
+
+def _weigh(found: Searched) -> tuple[tuple[result.Alternative, ...], Uncertainty]:
+    """Returns the models that may be right, the chosen one first, and its errors."""
+    task = found.task
+    traced = found.traced
+    rivals = [rival for rival, _ in traced.rivals]
+    lacks = [lack for _, lack in traced.rivals]
+    probabilities = softmax([0.0, *(-lack for lack in lacks)]).tolist()
+    judged = [traced.judged, *rivals]
+    errors = [uncertainty_of(task, model) for model in judged]
+    alternatives = []
+    for probability, model, own in zip(
+        probabilities, [traced.model, *rivals], errors, strict=True
+    ):
+        alternatives.append(
+            result.Alternative(
+                probability=probability,
+                model=outcome.model_of(task, model, found.flights.signs),
+                covariance=outcome.covariance_of(task, own),
             )
-        return {"verdict": verdict, "reason": reason, "warnings": tuple(warnings)}
+        )
 
-    def _of_run(self, found: Searched, flown: tuple[str, ...]) -> dict[str, Any]:
-        """Fields of a result about the campaign, the search and the run."""
-        logged = self.inspection.campaign
-        noise = found.flights.noise
-        traced = found.traced
-        outlying = found.outlying
-        scales = traced.model.scales
-        rolling = {f.name: describe_planarity(f) for f in logged.flights}
-        rows = [s for s in self.inspection.excluded if s.file not in outlying]
-        rows += [ExcludedRows(file=n, rows=ALL, why=w) for n, w in outlying.items()]
-        return {
-            "campaign": logged.name,
-            "path": logged.path,
-            "flights": result.FlightNames(
-                tuple(n for n in self.fitted if n not in outlying), flown
-            ),
-            "knows_forces": self.vehicle.knows_forces,
-            "set_aside": tuple(sorted(rows, key=lambda s: s.file)),
-            "planarity": {name: words for name, words in rolling.items() if words},
-            "noise": result.MeasurementNoise(noise.position, noise.pitch),
-            "log_findings": self.inspection.warnings + found.flights.findings,
-            "air": result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
-            "candidates": traced.alone,
-            "evidence_threshold": traced.threshold,
-            "seconds": self.seconds,
-            "version": importlib.metadata.version("drake-glider"),
-            "own_effects": tuple(
-                self.vehicle.space.kinds[name] for name in self.settings["own_effects"]
-            ),
-            "seed": self.settings["seed"],
-            "settings": self.settings,
-        }
-
-
-def _warnings_of(flights: SmoothedFlights) -> Iterator[str]:
-    """Yields sentences about an elevator that is not where it was expected."""
-    records = [*flights.corrected.values()]
-    is_measured = flights.campaign.servo.angle == "measured"
-    for record in records:
-        if record.has_servo and is_measured and not record.seen[:, 3].any():
-            yield (
-                f"{record.name}: no elevator row counts; the elevator is assumed where "
-                "its commands have it."
-            )
+    return tuple(alternatives), averaged(probabilities, judged, errors)

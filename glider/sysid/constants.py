@@ -25,23 +25,6 @@ MANY_FLIGHTS = 40  # More are thinned where sets or floors are compared (c).
 FEW_FLIGHTS = 8  # That show a wrong sign, or what a model lacks (c).
 
 # ------------------------------------------------------------------- noise
-# Standard deviations, see `Scales` for units: where a fit starts, the least that a log
-# shows, the most that a flight of a glider has (c).
-NOISE = {
-    "position": (1e-3, 1e-6, 0.2),
-    "pitch": (5e-3, 1e-5, 0.3),
-    "elevator": (1e-2, 1e-5, 0.3),
-    "air": (0.05, 1e-3, 0.6),
-    "air_time": (0.25, 0.04, 1.0),
-    "moment": (1.0, 1e-2, 200.0),
-    "servo": (5e-3, 1e-4, 0.3),
-    "wind": (0.05, 1e-3, 0.5),
-    "trim": (5e-3, 1e-4, 0.1),
-    "pitch_zero": (5e-3, 1e-4, 0.03),
-    "rate": (1e-2, 1e-4, 5.0),
-    "rest": (0.01, 1e-4, 0.5),
-    "memory": (0.1, 1e-3, 1.0),
-}
 # Correlation time of unmodelled pitch accelerations, and of an elevator's departure
 # from its path, over which its travel counts [s] (c).
 MOMENT_TIME = 0.1
@@ -57,11 +40,6 @@ PRIOR_SCALES = 3.0
 # a half), and of an unmeasured elevator's travel over the one that its log says: the
 # moment shows both only over the inertia. Beyond it the log is in doubt (c).
 TAIL_SPREAD = 0.1
-# That of the drift between the clocks of poses and servo over a session [s] (c): clocks
-# differ by 20 parts in a million, and a session lasts some minutes.
-DRIFT_SPREAD = 5e-3
-# That of the distance of an unknown wing from the center of mass [m] (c).
-WING_SPREAD = 0.03
 # Shift of a servo's log above which its clock is in doubt, and a lag that its samples
 # do not hide [s] (d): three standard errors of a clock that an import finds.
 CLOCK_ERROR = 0.015
@@ -77,9 +55,15 @@ LEAST_SPREAD = 0.1
 # are tried (d); of a further coefficient, and of one that needs a cause (c).
 HELD_OUT_THRESHOLD = {"effect": 3.0, "coefficient": 2.0, "uncommon": 8.0}
 ALONG_ATTITUDE = {  # Noise of flights along their attitude, which ignore moments (c).
-    **{"position": 1e-3, "pitch": 2e-3, "moment": 200.0},
-    **{"air": 0.06, "air_time": 0.3},  # Errors of C_L and C_D to begin with, and [s].
-    **{"wind": 1e-3, "trim": 0.05, "pitch_zero": 3e-3, "rest": 0.1},
+    "position": 1e-3,
+    "pitch": 2e-3,
+    "moment": 200.0,
+    "air": 0.06,  # Errors of C_L and C_D to begin with.
+    "air_time": 0.3,  # [s]
+    "wind": 1e-3,
+    "trim": 0.05,
+    "pitch_zero": 3e-3,
+    "rest": 0.1,
 }
 
 # ------------------------------------------------------------------ the search
@@ -121,9 +105,8 @@ GAIN_ERROR = 0.03
 # Share of the evidence below which an effect stands for the errors of free functions
 # (m: bench_forms; of right names beside them the least had 0.02).
 SLIGHT = 0.01
-# Share of what one explains below which a free function and a formula of its link only
-# correct each other, and that a formula explains in a function's place at least to be
-# its name (c). A constant thrust gains 0.12 of a push that dies away; a wrong name for
-# turbulence gained 0.09.
-CORRECTION = 0.1
+# Share of what a free function gains that a formula explains in its place at least to
+# be its name (c): a constant thrust gains 0.12 of a push that dies away; a wrong name
+# for turbulence gained 0.09. And where the function may only bend another formula.
 EXPLAINED = 0.1
+MOSTLY = 0.5

@@ -34,6 +34,7 @@ def with_derivatives(
         at = find_steady_glide(model, trim, at)
         none = f"{words}, as the model has no steady glide at {trim:g} m/s"
         words = none if at is median else "steady glide"
+
     length = chord or model.parameters.hinge_offset + model.parameters.elevator_offset
     numbers = calc_derivatives(model, at, length, result.covariance)
     slopes = (("", "-"), ("_alpha", "1/rad"), ("_q", "1/rad"), ("_delta_e", "1/rad"))

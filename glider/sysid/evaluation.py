@@ -25,8 +25,8 @@ from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table
 from glider.sysid.result import MODELS, PERFECT, ResidualTable, Spread
-from glider.sysid.search.force_search import forces_alone
 from glider.sysid.search.support import SearchResult
+from glider.sysid.search.tracing import forces_alone
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,6 +109,7 @@ def evaluate(
         alone = flown(apart).errors
         together = flown([*kept, *apart]).errors
         outliers = result.OutlyingFlights(apart, {**alone}, {**together})
+
     left = found.errors["corrected"]
     along = left.rollout_measured_pitch.position_rms_m
     return {
@@ -192,6 +193,7 @@ def _hold_out(
         corrected = forces_alone(task, corrected, traced.forces)
     elif task.vehicle.is_known:
         nominal = traced.bare
+
     return hold_out(task, baseline, corrected, scales, rng, apart, nominal)
 
 
@@ -224,4 +226,5 @@ def _flights(
                 fitted_until=float(record.time[rows - 1]),
             )
         )
+
     return tuple(own)

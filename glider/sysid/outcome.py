@@ -22,7 +22,6 @@ from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.naming import LIFT, UNEXPLAINED, names_of
 from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.result import Estimate, FoundEffect, Spread
 from glider.sysid.search.support import SearchResult
@@ -67,6 +66,7 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
                 unit=coefficient.unit,
                 values=dict(zip(names, own, strict=True)),
             )
+
     return found
 
 
@@ -81,34 +81,43 @@ def effects_of(
     model = traced.model
     theta = model.theta
     functions = model.by_name
-    names = names_of(task, traced, known)
+    names = dict(traced.names)
     [latency] = task.space.slots_of(POSE_LATENCY.kind)
     if theta[latency] < 0.0:  # Not physical: clocks differ, see `verdict.find_doubt`.
         names.pop(POSE_LATENCY.kind, None)
-    whole = max(sum(traced.evidence.values()), 1e-9)
+    members = dict[str, list[str]]()  # Formulas come first, then what bends them.
+    for kind, name in names.items():
+        members.setdefault(kind if name == result.UNEXPLAINED else name, []).append(
+            kind
+        )
+
+    evidence = traced.evidence
+    whole = max(sum(evidence.values()), 1e-9)
     found = []
     if not signs.are_right:
         found.append(_sign_entry(signs))
-    for name, reported in names.items():
-        evidence = float(traced.evidence.get(name, 0.0))
-        share = np.clip(evidence / whole, 0.0, 1.0)
-        if name in functions:
-            entry = _function_entry(functions[name], reported, known)
+    for first, *bending in members.values():
+        if first in functions:
+            entry = _function_entry(functions[first], names[first], known)
         else:
-            entry = _formula_entry(task, model, name, known, spreads)
+            entry = _formula_entry(task, model, first, known, spreads)
+
+        brought = float(sum(evidence[kind] for kind in (first, *bending)))
         found.append(
             dataclasses.replace(
                 entry,
-                evidence=evidence,
-                share_of_residual=float(share),
-                inclusion=traced.weighed[name].inclusion,
-                indistinguishable_from=rivals_of(task, traced, names, name),
+                evidence=brought,
+                share_of_residual=float(np.clip(brought / whole, 0.0, 1.0)),
+                inclusion=traced.weighed[first].inclusion,
+                indistinguishable_from=_rivals_of(task, traced, names, first),
             )
         )
+
     if found and not task.vehicle.per_flight_trims:
         for kind, spread in spreads.items():
             if kind not in model.kinds:
                 found.append(_spread_entry(task, kind, spread))
+
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
 
 
@@ -142,6 +151,7 @@ def _formula_entry(
         coefficients[coefficient.name] = Estimate(
             value, known.std(slot), coefficient.unit
         )
+
     spread = {}
     if name in spreads:
         spread[kind.coefficients[0].name] = spreads[name].std
@@ -164,11 +174,12 @@ def _function_entry(
     words = family.words
     shape = result.OTHER_SHAPE
     coefficients = _find_peak(function, known)
-    if kind == UNEXPLAINED:
+    if kind == result.UNEXPLAINED:
         words = f"no effect of the library: {words}"
         shape = result.LIBRARY_SHAPE
-    elif kind == CAMBER.kind and function.name == LIFT:
+    elif kind == CAMBER.kind and function.variables == ("alpha",):
         coefficients["zero_lift_angle"] = _zero_lift_angle(function, known)
+
     return FoundEffect(
         kind=kind,
         words=words,
@@ -191,14 +202,14 @@ def _zero_lift_angle(function: FittedFunction, known: Uncertainty) -> Estimate:
     return Estimate(value, float(std), "rad")
 
 
-def rivals_of(
+def _rivals_of(
     task: Task, traced: SearchResult, names: Mapping[str, str], own: str
 ) -> tuple[str, ...]:
     """Returns the formulas that would do as well in the place of an effect.
 
-    `names` are those of all effects, see `names_of`. To first order, or as fitted in a
-    set without it, but with all other formulas, that is nearly as likely; where that
-    has several others instead, they do as well together.
+    `names` are those of all effects, see `SearchResult.names`. To first order, or as
+    fitted in a set without it, but with all other formulas, that is nearly as likely;
+    where that has several others instead, they do as well together.
     """
     formulas = {*traced.model.kinds} - FAMILIES.keys()
     found = set[str]()
@@ -209,6 +220,7 @@ def rivals_of(
         has_all_others = formulas - its <= {own}
         if has_all_others and its.isdisjoint((own, names[own])):
             found |= its - FAMILIES.keys() - formulas
+
     found.difference_update(names.values())
     return tuple(kind for kind in task.space.kinds if kind in found)
 
@@ -234,6 +246,7 @@ def _find_peak(function: FittedFunction, known: Uncertainty) -> dict[str, Estima
     for variable, place in zip(function.variables, points[peak], strict=True):
         at = Estimate(float(place), math.nan, FLOW_UNITS[variable])
         found[f"{term}_peak_at_{variable}"] = at
+
     return found
 
 
@@ -266,6 +279,7 @@ def model_of(task: Task, model: FitResult, signs: Signs) -> GliderModel:
     for name in (*model.kinds, *(kind for kind in space.kinds if kind in nuisance)):
         if name not in model.free_kinds:
             effects.append(by_kind[name])
+
     return GliderModel(
         parameters=parameters,
         effects=tuple(effects),

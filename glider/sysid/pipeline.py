@@ -96,6 +96,7 @@ def _check(
         from glider.sysid.replay.log_space import log_space
 
         log_space(own)  # Kept: checked once.
+
     known = (*KINDS, *(e.kind for e in own))
     for name in effects or ():
         if name not in known:
@@ -116,4 +117,5 @@ def _to_try(
             f"none of the effects {', '.join(effects)} can be identified from what "
             "this campaign logs and leaves unknown."
         )
+
     return vehicle, kinds

@@ -28,6 +28,7 @@ MODELS = "nominal", "refitted", "corrected"
 #: What a perfect model would leave.
 PERFECT = "floor"
 #: Whether an effect's formula has the shape that the flights show.
+UNEXPLAINED = "unexplained"  # Kind of a free function that no formula explains.
 LIBRARY_SHAPE = "library"
 OTHER_SHAPE = "not the library's"
 
@@ -190,15 +191,6 @@ class Derivatives:
     values: dict[str, Estimate]  #: C_L, C_L_alpha to C_m_delta_e.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class EvidenceThreshold:
-    """Evidence below which an effect is not taken [nats]."""
-
-    effect: Number  #: Of one coefficient, at least.
-    coefficient: Number = 0.0  #: More for each further one, where it is of predictions.
-    uncommon: Number = 0.0  #: More for what not every glider of unknown forces has.
-
-
 @dataclasses.dataclass(frozen=True)
 class OutlyingFlights:
     """Held-out flights that no model explains together with the others."""
@@ -225,7 +217,7 @@ class Report:
     effects: Sequence[FoundEffect]
     errors: dict[str, Errors | None]  #: By model; None of one that there is not.
     outlying: OutlyingFlights | None = None  #: Not in `errors`; None without any.
-    evidence_threshold: EvidenceThreshold
+    evidence_threshold: Number  #: Evidence of an effect beside others, at least [nats].
     folds: tuple[Fold, ...]
     left: Residual
     air: Air
@@ -233,7 +225,6 @@ class Report:
     #: "kind.coefficient" to the same to the correlation of their errors.
     correlations: dict[str, dict[str, Number]]
     derivatives: Derivatives | None = None  #: Older versions have none.
-    candidates: dict[str, Number]  #: Evidence of each kind when tried alone [nats].
     vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
     warnings: tuple[str, ...]
     set_aside: tuple[ExcludedRows, ...]

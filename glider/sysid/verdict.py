@@ -7,7 +7,7 @@ clock that runs slow.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -48,6 +48,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             "elevator's clock is ahead of theirs by as much (add it to 'clock' in the "
             "MAP of an import, or subtract it from the times of the servo's log)"
         )
+
     shift = float(theta[space.slots_of(SERVO_LOG.kind)[0]])
     if abs(shift) > constants.CLOCK_ERROR:
         words = "earlier" if shift < 0.0 else "later"
@@ -55,12 +56,14 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
             f"the servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than "
             "its times say (is 'clock' right in the MAP of its import?)"
         )
+
     change = float(theta[space.slots_of(ELEVATOR_SCALE.kind)[0]])
     if abs(change) > constants.TAIL_SPREAD:
         return (
             f"the elevator turns {1.0 + change:.2f} times as far as its log says (as "
             "with a wrong 'gain' of its angles and rates in the 'units' of the MAP)"
         )
+
     return _left_to_chance(task, model) if task.vehicle.knows_forces else None
 
 
@@ -79,18 +82,20 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
             f"unmodelled pitch accelerations of {scales['moment']:.2g} rad/s² "
             f"(measured ones are {usual:.2g})"
         )
+
     if found:
         return f"the model needs {' and '.join(found)}"
-    gain, error = elevator_gain(task, model)
+    gain, error = _elevator_gain(task, model)
     if abs(gain - 1.0) > max(constants.GAIN_ERROR, constants.Z * error):
         return (
             f"the elevator moves {gain:.3f} times as far as commanded (± {error:.1g}), "
             "as with a wrong clock or unit"
         )
+
     return None
 
 
-def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
+def _elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     """Ratio of measured to modelled elevator travel, and its standard error.
 
     The median over flights of regressions of travel on travel, where the elevator has
@@ -113,6 +118,7 @@ def elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
         travel, ordered = (v[ends[first]] - v[first] for v in both)
         if (known := float(ordered @ ordered)) > 0.0:
             found.append(float(ordered @ travel) / known)
+
     if len(found) < 3:
         return 1.0, np.inf
     median = float(np.median(found))
@@ -140,15 +146,18 @@ def judge(
                 "What the flat plate lacks depends on "
                 f"{', '.join(left.depends_on)}, and no effect explains it."
             )
+
         if not math.isfinite(left.position_m):
             return "not_trusted", (
                 "The model diverges on all held-out flights: is each number of "
                 "'vehicle' in SI units?"
             )
+
         if left.exceeds_chance:
             return "unexplained", unexplained
         if doubt is None:
             return "no_effect", "The flights show nothing beyond noise and moving air."
+
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."
     doubt, is_as_plate = _not_better(traced.model, held_out, errors)
@@ -162,6 +171,7 @@ def judge(
         return "partly_explained", (
             f"Effects of the library explain part of what the flat plate lacks{rest}."
         )
+
     reason = "The effects are identified and hold on held-out flights"
     if any(e.shape != LIBRARY_SHAPE for e in effects):
         reason = (
@@ -173,26 +183,17 @@ def judge(
             ": the glider differs from its nominal model, and the flat plate with "
             "refitted parameters predicts about as well"
         )
+
     return "effect_found", f"{reason}."
 
 
-def with_excluded(reason: str, excluded: Mapping[str, str], count: int) -> str:
-    """Returns a verdict's reason with the flights that it is not about, if any.
-
-    Those among so many are given with why they are excluded.
-    """
+def with_excluded(reason: str, excluded: Collection[str], count: int) -> str:
+    """Returns a verdict's reason with the flights that it is not about, if any."""
     if not excluded:
         return reason
-    names = dict[str, list[str]]()
-    for name, why in excluded.items():
-        names.setdefault(why.partition(":")[0].rstrip("."), []).append(name)
-    whys = (f"{why} ({', '.join(own)})" for why, own in names.items())
-    told = reason.replace("The flights", f"{count - len(excluded)} of {count} flights")
     are = "is" if len(excluded) == 1 else "are"
-    return (
-        f"{told.rstrip('.')}; {len(excluded)} of {count} {are} excluded: "
-        f"{'; '.join(whys)}."
-    )
+    names = ", ".join(excluded)
+    return f"{reason} {len(excluded)} of {count} flights {are} excluded: {names}."
 
 
 def _beyond_floor(left: Residual) -> str:
@@ -244,6 +245,7 @@ def _not_better(
             f"Half of the flights held out in folds, flown {WAYS[0]}, have at least "
             f"{ratio:.4g} times the error of the {nominal} with the correction."
         )
+
     doubt = _no_gain(gain, baseline) or worse
     for way in WAYS:
         if doubt is None and held_out.is_worse(way):
@@ -251,6 +253,7 @@ def _not_better(
                 f"Flights held out in folds, flown {way}, are worse with the "
                 f"correction than with the {baseline} (t = {held_out.lost(way).t:.1f})."
             )
+
     if doubt is None or over is None or not _changes_baseline_alone(model):
         return doubt or than_given, False
     is_lost = gain.t < -gain.least_t
@@ -268,6 +271,7 @@ def _no_gain(gain: Gains, over: str) -> str | None:
             f"The correction gains over the {over} on flights held out in folds, but "
             f"{len(gain.values)} flights are too few to exclude chance {numbers}."
         )
+
     return (
         "On flights held out in folds the correction does not gain significantly over "
         f"the {over} {numbers}."

@@ -19,7 +19,6 @@ from glider.sysid.result import (
     EquationErrors,
     Errors,
     Estimate,
-    EvidenceThreshold,
     FlightNames,
     Fold,
     FoundEffect,
@@ -184,7 +183,6 @@ def make_result(**changes):
             chance=1e-4,
             depends_on=("alpha",),
         ),
-        candidates={"wind": 21345.6, "frame_tilt": 21340.0, "mass": -3.0},
         correlations={
             "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
             "wind.z": {"wind.x": -0.84},
@@ -209,7 +207,7 @@ def make_result(**changes):
         ),
         planarity={"flight_105.csv": "not planar: roll up to 31°"},
         noise=MeasurementNoise(position_m=4e-4, pitch_rad=2.5e-3),
-        evidence_threshold=EvidenceThreshold(effect=6.6, coefficient=1.6),
+        evidence_threshold=6.6,
         seed=0,
         model=GliderModel(effects=(KINDS["wind"](x=-0.6, z=0.05),)),
         held_out=tuple(
@@ -248,7 +246,6 @@ def diverged():
                 evidence=math.inf,
             ),
         ),
-        candidates={"wind": math.inf, "mass": math.nan},
         left=Residual(position_m=math.nan, ratio_to_floor=math.inf, depends_on=()),
         folds=(
             Fold(
@@ -284,7 +281,6 @@ VARIANTS = {
     "unexplained": make_result(
         verdict="unexplained",
         effects=(UNEXPLAINED,),
-        candidates={"mass": -2.0},
         model=GliderModel(free_functions=(VENT,)),
     ),
     "partly explained": make_result(
@@ -303,7 +299,6 @@ VARIANTS = {
     "no effect": make_result(
         verdict="no_effect",
         effects=(),
-        candidates={},
         folds=(),
         correlations={},
         spreads={},

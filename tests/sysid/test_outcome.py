@@ -10,8 +10,14 @@ from glider.campaign.turning import Signs
 from glider.physics.effects import ELEVATOR_TRIM, PITCH_OFFSET, WIND
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
-from glider.sysid.outcome import effects_of, model_of, rivals_of, spreads_of, vehicle_of
-from glider.sysid.result import LIBRARY_SHAPE, OTHER_SHAPE
+from glider.sysid.outcome import (
+    _rivals_of,
+    effects_of,
+    model_of,
+    spreads_of,
+    vehicle_of,
+)
+from glider.sysid.result import LIBRARY_SHAPE, OTHER_SHAPE, UNEXPLAINED
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -45,7 +51,7 @@ def with_function(task, model, name):
     model = dataclasses.replace(model, kinds=(name,), functions=(own,))
     return types.SimpleNamespace(
         model=model,
-        nearest={},
+        names={name: UNEXPLAINED},
         evidence={name: 50.0},
         weighed={name: types.SimpleNamespace(inclusion=1.0, rivals=())},
         rivals=(),
@@ -75,7 +81,7 @@ def test_a_free_functions_errors_are_its_own(plain):
 def entry_of(task, model, name, family=None):
     """Returns the only reported effect of a model with one free function."""
     traced = with_function(task, model, name)
-    traced.nearest = {name: family} if family else {}
+    traced.names = {name: family or UNEXPLAINED}
     function = task.functions[name]
     known = Uncertainty(
         free=model.free,
@@ -102,6 +108,27 @@ def test_a_free_function_of_a_family_has_not_its_formulas_shape(plain):
     assert effect.family == "wing_force" and effect.depends_on == ("z",)
 
 
+def test_a_formula_and_what_bends_it_are_one_effect(plain):
+    """Its coefficients are the formula's, its evidence is that of both."""
+    task, model = plain
+    name = "drag over V"
+    traced = with_function(task, model, name)
+    [slot, *_] = task.space.slots_of("profile_drag")
+    theta = model.theta.copy()
+    theta[slot] = 0.05
+    traced.model = dataclasses.replace(
+        traced.model, kinds=("profile_drag", name), theta=theta
+    )
+    traced.evidence["profile_drag"] = 30.0
+    traced.weighed["profile_drag"] = types.SimpleNamespace(inclusion=0.9, rivals=())
+    traced.names = {"profile_drag": "profile_drag", name: "profile_drag"}
+    known = types.SimpleNamespace(std=lambda slot: 0.01)
+    [effect] = effects_of(task, traced, known, {}, Signs())
+    assert effect.kind == "profile_drag" and effect.shape == OTHER_SHAPE
+    assert effect.coefficients["cd0"].value == 0.05
+    assert effect.evidence == 80.0 and effect.inclusion == 0.9
+
+
 def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
     """Of what they have instead of it: formulas, but those of the model itself."""
     task, _ = task_of(fly(flights=2, duration=0.6))
@@ -122,11 +149,11 @@ def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
     )
     of_rate = "lift over reduced_rate"
     names = {"camber": "camber", "mass": "mass", of_rate: "pitch_rate_lift"}
-    rivals = rivals_of(task, traced, names, "camber")
+    rivals = _rivals_of(task, traced, names, "camber")
     assert {*rivals} == {"pitch_offset", "wing_incidence", "wind", "thrust"}
-    assert rivals_of(task, traced, names, of_rate) == ("dynamic_stall",)
+    assert _rivals_of(task, traced, names, of_rate) == ("dynamic_stall",)
     names[of_rate] = "dynamic_stall"
-    assert rivals_of(task, traced, names, of_rate) == ()
+    assert _rivals_of(task, traced, names, of_rate) == ()
 
 
 # ----------------------------------------------------------------------- spreads

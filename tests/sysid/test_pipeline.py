@@ -163,7 +163,6 @@ def test_effects_can_be_restricted_and_the_same_call_gives_the_same_result():
     campaign = fly(KINDS["wind"](x=-0.3), flights=8)
     few = ["wind", "profile_drag"]
     result, again = (close_the_loop(campaign, effects=few) for _ in range(2))
-    assert set(result.candidates) == set(few)
     assert any("only wind, profile_drag were tried" in w for w in result.warnings)
     assert kinds_of(result) == ["wind"]
     assert again.effects == result.effects

@@ -245,14 +245,12 @@ def test_few_flights_that_gain_are_told_as_few():
 def test_a_reason_counts_the_flights_that_it_is_not_about():
     reason = "The flights show nothing beyond noise and moving air."
     assert with_excluded(reason, {}, 20) == reason
-    alike = dict.fromkeys(("b.csv", "c.csv"), "explained by no model: 5 times the rest")
-    told = with_excluded(reason, {"a.csv": "too short", **alike}, 20)
-    assert told == (
-        "17 of 20 flights show nothing beyond noise and moving air; 3 of 20 are "
-        "excluded: too short (a.csv); explained by no model (b.csv, c.csv)."
+    excluded = {"a.csv": "too short", "b.csv": "explained by no model"}
+    assert with_excluded(reason, excluded, 20) == (
+        f"{reason} 2 of 20 flights are excluded: a.csv, b.csv."
     )
     told = with_excluded("The effects are identified.", {"a.csv": "too short"}, 4)
-    assert told == "The effects are identified; 1 of 4 is excluded: too short (a.csv)."
+    assert told.endswith("1 of 4 flights is excluded: a.csv.")
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -121,6 +121,57 @@ def find_floor(
     return Floor(rows=rows, squares=np.array(squares))
 
 
+@dataclasses.dataclass(frozen=True)
+class _Deviations:
+    """How a flight may be off its model: from node to node, and as measured.
+
+    Deviations are those of the states, the processes and the flight's constants, in the
+    order of the filter: N = n + 8.
+    """
+
+    moves: np.ndarray  #: (K, N, N)
+    shows: np.ndarray  #: (K + 1, C, N)
+
+    def flown(self, first: np.ndarray, shocks: np.ndarray | None = None) -> np.ndarray:
+        """Returns what is measured (K + 1, C, R) of those at the first node (N, R).
+
+        Shocks (K, N, R) are added at each later one.
+        """
+        states = [first]
+        for k, move in enumerate(self.moves):
+            following = move @ states[-1]
+            if shocks is not None:
+                following += shocks[k]
+            states.append(following)
+        return self.shows @ np.array(states)
+
+
+def _deviations_of(flight: LinearFlight, scales: Scales) -> _Deviations:
+    n = len(flight.states)
+    total = len(flight.start)
+    steps = np.diff(flight.record.time)[:, None]
+    air, wind = [n, n + 1], [n + 4, n + 5]
+    servo, trim = n + 3, n + 6
+    processes = range(n, n + PROCESSES)
+
+    moves = np.tile(np.eye(total), (len(steps), 1, 1))
+    moves[:, :n, :n] = flight.by_x
+    moves[:, :n, air] = flight.by_air
+    moves[:, :n, wind] = flight.by_air
+    moves[:, :n, servo] = flight.by_x[:, :, ELEVATOR]
+    moves[:, ELEVATOR, servo] = 0.0
+    moves[:, :n, trim] = flight.by_trim
+    moves[:, processes, processes] = np.exp(-steps / np.array(scales.times))
+
+    shows = np.zeros((*flight.record.seen.shape, total))
+    shows[:, :3, :n] = flight.pose_by_x
+    shows[:, PITCH, -1] = 1.0
+    shows[:, ELEVATOR, ELEVATOR] = 1.0
+    shows[:, ELEVATOR, servo] = 1.0
+    shows[:, 4:, PITCH_RATE] = 1.0  # With a gyro.
+    return _Deviations(moves, shows)
+
+
 @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
 def _squares(
     model: RolloutModel,
@@ -131,79 +182,59 @@ def _squares(
 ) -> np.ndarray:
     """Mean squares of a flight's replicas (4, R), as in `Floor`; inf if it diverges."""
     flight = linearize(record, model.theta, model.gaussians)
-    count = _REPLICAS
-    moves, shows = _transitions(flight, truth)
-    (nodes, channels, total), n = shows.shape, len(flight.states)
+    deviations = _deviations_of(flight, truth)
+    nodes, channels, total = deviations.shows.shape
+    n = len(flight.states)
     seen = record.seen
-    sensors = np.array(model.scales.sensors[:channels])
-    first = of_launch(record, beginning_rows(record.time, model.per_flight_trims))
+    beginning = of_launch(record, beginning_rows(record.time, model.per_flight_trims))
+    diverging = np.full((4, _REPLICAS), np.inf)
+
+    # Their launches differ by the elevator's rest and memory alone; accelerations that
+    # no model has do not happen.
     stds = np.sqrt(start_variances(flight, truth))
-    # The launch but for the elevator's rest and memory; unmodelled accelerations.
-    stds[[*(i for i in range(NUM_STATES) if i != ELEVATOR), n + 2]] = 0.0
-    shocks = rng.normal(size=(nodes, total, count)) * stds[:, None]
-    keep = np.diagonal(moves, axis1=1, axis2=2)[:, n:, None]
-    shocks[1:, :n], shocks[1:, n:] = 0.0, np.sqrt(1.0 - keep**2) * shocks[1:, n:]
-    measured = shows @ _flown(moves, shocks)
+    stds[[i for i in range(NUM_STATES) if i != ELEVATOR]] = 0.0
+    stds[n + 2] = 0.0
+    drawn = rng.normal(size=(nodes, total, _REPLICAS)) * stds[:, None]
+    kept = np.diagonal(deviations.moves, axis1=1, axis2=2)[:, n:, None]
+    shocks = np.zeros_like(drawn[1:])
+    shocks[:, n:] = np.sqrt(1.0 - kept**2) * drawn[1:, n:]
+    measured = deviations.flown(drawn[0], shocks)
     noise = np.array(truth.sensors[:channels])[:, None]
     measured += rng.normal(size=measured.shape) * noise
 
     # Rollouts have next to no process noise: their filter is a regression.
-    later = (0, nodes - 1), (0, 0), (0, 0)
-    shown = shows @ _flown(moves, np.pad(np.eye(total)[None], later))
+    shown = deviations.flown(np.eye(total))
     if not np.max(np.abs(shown)) < _GROWTH:
-        return np.full((4, count), np.inf)
-    weights = first[..., None] / sensors[:, None]
+        return diverging
+    sensors = np.array(model.scales.sensors[:channels])
+    weights = beginning[..., None] / sensors[:, None]
     columns = (weights * shown).reshape(-1, total)
-    values = weights * measured
-    prior = np.diag(1.0 / np.maximum(start_variances(flight, model.scales), 1e-16))
-    right = columns.T @ values.reshape(-1, count)
-    known = np.linalg.solve(columns.T @ columns + prior, right)
+    values = (weights * measured).reshape(-1, _REPLICAS)
+    prior = 1.0 / np.maximum(start_variances(flight, model.scales), 1e-16)
+    known = np.linalg.solve(columns.T @ columns + np.diag(prior), columns.T @ values)
     known[n : n + PROCESSES] = 0.0
     error = (measured - shown @ known)[seen[:, 0]]
     free = np.sum(error[:, :2] ** 2, axis=1)
     pitch = error[:, PITCH] ** 2
 
+    # Along the measured pitch it is imposed, and the rest of the launch fitted again.
     maps = smoothing_maps(record.time[seen[:, 2]], record.time, pitch_ratio)[:2]
+    turned = np.moveaxis(maps @ measured[seen[:, 2], PITCH], 0, 1)
     known[_TRANSLATED] = 0.0
     start = np.hstack([known, np.eye(total)[:, _TRANSLATED]])
-    start = np.pad(start[None], later)
-    moves[:, _TURNED] = 0.0  # They are imposed.
-    turned = np.moveaxis(maps @ measured[seen[:, 2], PITCH], 0, 1)
-    start[:, _TURNED, :count] = turned
-    start[:, PITCH, :count] -= known[-1]
-    guided = (shows @ _flown(moves, start))[:, :2]
+    imposed = np.zeros((nodes, *start.shape))
+    imposed[:, _TURNED, :_REPLICAS] = turned
+    imposed[:, PITCH, :_REPLICAS] -= known[-1]
+    start[_TURNED] = imposed[0, _TURNED]
+    deviations.moves[:, _TURNED] = 0.0
+    guided = deviations.flown(start, imposed[1:])[:, :2]
     if not np.max(np.abs(guided)) < _GROWTH:
-        return np.full((4, count), np.inf)
-    left = measured[:, :2] - guided[..., :count]
-    columns = guided[..., count:]
-    fitted = first[:, :2]
+        return diverging
+    left = measured[:, :2] - guided[..., :_REPLICAS]
+    columns = guided[..., _REPLICAS:]
+    fitted = beginning[:, :2]
     step = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)[0]
     along = np.sum((left - columns @ step)[seen[:, 0]] ** 2, axis=1)
-    return np.stack([*(v.mean(axis=0) for v in (free, along, pitch)), free[-1]])
-
-
-def _transitions(flight: LinearFlight, scales: Scales) -> tuple[np.ndarray, np.ndarray]:
-    """How deviations move, (K, n + 8, n + 8), and show, (K + 1, C, n + 8)."""
-    n = len(flight.states)
-    total = len(flight.start)
-    steps = np.diff(flight.record.time)[:, None]
-    moves = np.tile(np.eye(total), (len(steps), 1, 1))
-    moves[:, :n, :n] = flight.by_x
-    moves[:, :n, n : n + 2] = moves[:, :n, n + 4 : n + 6] = flight.by_air
-    moves[:, :n, n + 3] = flight.by_x[:, :, ELEVATOR]
-    moves[:, ELEVATOR, n + 3] = 0.0
-    moves[:, :n, n + 6] = flight.by_trim
-    processes = range(n, n + PROCESSES)
-    moves[:, processes, processes] = np.exp(-steps / np.array(scales.times))
-    shows = np.zeros((*flight.record.seen.shape, total))
-    shows[:, :3, :n] = flight.pose_by_x
-    shows[:, PITCH, -1] = shows[:, ELEVATOR, ELEVATOR] = shows[:, ELEVATOR, n + 3] = 1.0
-    shows[:, 4:, PITCH_RATE] = 1.0  # With a gyro.
-    return moves, shows
-
-
-def _flown(moves: np.ndarray, shocks: np.ndarray) -> np.ndarray:
-    """Deviations at the nodes (K + 1, n + 8, R) by shocks there; they are changed."""
-    for k, move in enumerate(moves):
-        shocks[k + 1] += move @ shocks[k]
-    return shocks
+    return np.stack(
+        [free.mean(axis=0), along.mean(axis=0), pitch.mean(axis=0), free[-1]]
+    )

@@ -15,7 +15,8 @@ from glider.sysid.likelihood.information import counted_from, solve_scaled
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import Fold
-from glider.sysid.search.tracing import search_about, without_late
+from glider.sysid.search.support import Nearby
+from glider.sysid.search.tracing import without_late
 
 WAYS = "freely", "along the measured pitch"
 """How flights are flown again, as `HeldOut.paths` has them."""
@@ -131,6 +132,7 @@ def hold_out(
         for name, refit in refits.items():
             model, costs[name][part] = refit.on(rest, part)
             flown[name] = rollouts[name].with_numbers_of(model), unseen
+
         found = compare(flown)
         names = tuple(record.name for record in unseen)
         errors = {name: found.errors[name] for name in ("refitted", "corrected")}
@@ -140,6 +142,7 @@ def hold_out(
                 name: np.sqrt(mean_squares(record, own[k])[:2])
                 for name, own in found.predictions.items()
             }
+
     gains = {n: Gains(values=cost - costs["corrected"]) for n, cost in costs.items()}
     over_nominal = gains.get("nominal")
     gain = gains["refitted"]
@@ -158,14 +161,13 @@ class _Refits:
         offered = without_late(task, model.kinds) if is_searched else task.offering(())
         found = gather_in_parts(offered, model, model.scales)
         self.candidates, self.grams, now = found
-        unit = np.eye(self.grams.shape[1])
         if is_searched:
-            shifted, self.prior = self.candidates.from_nothing(unit)
-            # What of each column acts in the model, and the error.
-            self.given = np.append(shifted[:-1, -1], 1.0)
+            self.near = Nearby(self.candidates, self.grams)
+            self.given, self.prior = self.candidates.nothing()
         else:
-            self.given = unit[-1]
             self.prior = model_fit.prior_of(task, model)
+            self.given = np.zeros(len(self.prior.mean))
+
         # The likelihood is a square of changes and what depends on the scales alone.
         self.constant = now - 0.5 * self.grams[:, -1, -1]
 
@@ -181,18 +183,21 @@ class _Refits:
         model = self.model
         columns = list(range(len(self.prior.mean)))
         if self.is_searched:
-            model, found = search_about(self.candidates, self.grams, counts)
+            score, members = self.near.best(counts)
+            model = score.begin(members)
+            found = [column for _, variant in members for column in variant]
             columns = [*self.candidates.always, *found]
+
         keep = [*columns, len(self.prior.mean)]
         step = np.zeros(len(self.prior.mean))
-        total = counted_from(np.tensordot(counts, self.grams, 1), self.given[:-1])
+        total = counted_from(np.tensordot(counts, self.grams, 1), self.given)
         prior = self.prior.among(columns)
         change = prior.best_step(total[np.ix_(keep, keep)])
         step[columns] = change
         is_open = (prior.lower < change) & (change < prior.upper)
         own = np.array(columns, dtype=int)[is_open]
         known = total[np.ix_(own, own)] + np.diag(prior.precision[is_open])
-        others = counted_from(self.grams[unseen], self.given[:-1] - step)
+        others = counted_from(self.grams[unseen], self.given - step)
         added = others[:, own[:, None], own]
         error = others[:, own, -1]
         more = np.sum(solve_scaled(known + added, error, 0.0) * error, axis=1)
@@ -209,4 +214,5 @@ class _Refits:
             if {*model.kinds} == {*self.model.kinds}:
                 start = self.model
             model = model_fit.fit_model(fitted, start, free_scales=())
+
         return model, costs

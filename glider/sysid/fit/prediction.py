@@ -56,6 +56,7 @@ class RolloutModel:
         for record in typical_flights(records):
             rows = beginning_rows(record.time, self.per_flight_trims)
             flights.append(linearize(record.first(rows), self.theta, self.gaussians))
+
         costs = negative_log_likelihood(flights, scales)
         flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
         scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
@@ -141,6 +142,7 @@ def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surrou
         beginning = dataclasses.replace(beginning, rest=rest)
         launch[OFFSET] = rest - record.rest
         about = Surroundings(own[n + PROCESSES :])
+
     return launch, about
 
 
@@ -184,6 +186,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
             break
         error = (record.pose[:rows, :2] - flown)[seen]
         change += np.linalg.lstsq(matrix, error, rcond=None)[0]
+
     pose = sensed(space, states, model.theta, model.gaussians) + zero
     along = places(change, guided)
     return Prediction(pose=pose, translated=along, trim=float(trim))

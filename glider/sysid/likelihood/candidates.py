@@ -24,7 +24,6 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 
 _Variant = tuple[int, ...]  # Columns of an effect with one choice of starting shapes.
-Member = tuple[str, _Variant]  # An effect of a set: kind and the columns it acts by.
 
 _STRENGTHS = 0.1, 0.3, 1.0  # Tried of a free function that does not act yet.
 _LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has.
@@ -77,8 +76,10 @@ class Candidates:
                 begin = len(scaled)
                 scaled += [(first + j, strength) for j in range(function.count)]
                 own.append(tuple(range(begin, len(scaled))))
+
             variants[function.name] = tuple(own)
             first += function.count
+
         return dataclasses.replace(
             self, variants=variants, functions=new, columns=tuple(scaled)
         )
@@ -108,9 +109,10 @@ class Candidates:
 
         return in_parallel(one, flights)
 
-    def from_nothing(self, grams: np.ndarray) -> tuple[np.ndarray, model_fit.Prior]:
-        """Returns the information and the prior about the model without effects.
+    def nothing(self) -> tuple[np.ndarray, model_fit.Prior]:
+        """Returns the model without effects, and the prior about it.
 
+        That is what of each column acts in the model (m,), see `counted_from`.
         Functions that do not act yet have a prior spread of one; see `columns`.
         """
         functions = (*self.model.functions, *self.functions)
@@ -124,11 +126,13 @@ class Candidates:
         lower = prior.lower + share
         upper = prior.upper + share
         prior = dataclasses.replace(prior, mean=0.0 * share, lower=lower, upper=upper)
-        return counted_from(grams, share), prior
+        return share, prior
 
     def evidence(self, gram: np.ndarray) -> Evidence:
         """Returns the evidence of sets of columns beside those that always act."""
-        (whole, prior), always = self.from_nothing(gram), self.always
+        share, prior = self.nothing()
+        always = self.always
+        whole = counted_from(gram, share)
         at = np.array([j for j, _ in self.columns], dtype=int)
         strengths = np.array([strength for _, strength in self.columns])
         return Evidence(
@@ -154,7 +158,8 @@ class HeldOutEvidence:
         drawn = np.flatnonzero(counts)
         self._counts = counts[drawn]
         self._always = np.array(candidates.always, int)
-        self._own, self._prior = candidates.from_nothing(grams[drawn])
+        share, self._prior = candidates.nothing()
+        self._own = counted_from(grams[drawn], share)
         weighted = self._counts[:, None, None] * self._own
         self._sum = weighted.sum(axis=0, keepdims=True)
         self._rest = self._sum - weighted
@@ -226,6 +231,7 @@ def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidate
             first = len(directions)
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
+
     linear = model_fit.linear_flights(task, model, directions, terms)
     flights, wild = tamed(task, directions, linear)
     for kind in set(variants) - set(model.kinds):
@@ -266,6 +272,7 @@ def gather_in_parts(
         costs.append(negative_log_likelihood(now, scales))
         part = dataclasses.replace(part, flights=())  # Before there are others.
         parts.append(part)
+
     kept = {  # What diverges on some flights is offered on none.
         kind: tuple(v for v in own if all(v in p.variants.get(kind, ()) for p in parts))
         for kind, own in parts[0].variants.items()
@@ -315,16 +322,21 @@ def tamed(
     task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
 ) -> tuple[list[LinearFlight], set[int]]:
     """Returns the flights with diverging columns set to zero, and which those are."""
-    scale = np.append(task.space.scale[[d.slot for d in directions]], 0.0)
-    largest = [np.abs(f.inputs).max(axis=(0, 1), initial=0.0) for f in flights]
-    # So is what is not a number; the last column, the error, stays as it is.
-    is_wild = ~np.all(np.array(largest) * scale < _LARGEST_PUSH, axis=0)
-    is_wild[-1] = False
-    if is_wild.any():
-        inputs = (np.where(is_wild, 0.0, f.inputs) for f in flights)
-        pairs = zip(flights, inputs, strict=True)
-        flights = [dataclasses.replace(f, inputs=own) for f, own in pairs]
-    return list(flights), set(np.flatnonzero(is_wild).tolist())
+    count = len(directions)
+    largest = task.space.scale[[d.slot for d in directions]] ** -1.0 * _LARGEST_PUSH
+    is_tame = np.ones(count, dtype=bool)
+    for flight in flights:  # What is not a number is not tame.
+        sizes = np.abs(flight.inputs[..., :count]).max(axis=(0, 1), initial=0.0)
+        is_tame &= sizes < largest
+
+    wild = np.flatnonzero(~is_tame).tolist()
+    found = list(flights)
+    for i, flight in enumerate(flights if wild else ()):
+        inputs = flight.inputs.copy()
+        inputs[..., wild] = 0.0
+        found[i] = dataclasses.replace(flight, inputs=inputs)
+
+    return found, set(wild)
 
 
 def saturated(candidates: Candidates, rounds: int) -> FitResult:
@@ -341,6 +353,7 @@ def saturated(candidates: Candidates, rounds: int) -> FitResult:
         change = solve(prior.added_to(gram))
         flights = [f.combined(change) for f in candidates.flights]
         scales = fit_scales(flights, scales, iterations=3).scales
+
     model = dataclasses.replace(model, scales=scales)
     own = model_fit.in_surroundings(candidates.task, model, flights).about
     return dataclasses.replace(model, about=model.about | own)

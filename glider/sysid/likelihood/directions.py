@@ -68,4 +68,5 @@ def starts_of(
     if not sizes:
         starts = itertools.chain.from_iterable(grids)
         return [[Direction(kind.kind, i, v - float(theta[i]))] for i, v in starts]
+
     return [slopes(space, sizes, shapes) for shapes in itertools.product(*grids)]

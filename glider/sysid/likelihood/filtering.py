@@ -48,7 +48,7 @@ class _WhitenedFlight(NamedTuple):
             return flat.T @ flat
 
 
-def rests(record: Record, scales: Scales) -> bool:
+def _rests(record: Record, scales: Scales) -> bool:
     """Whether a flight's elevator began where those of the others rest.
 
     One that was logged far from there was moving; so may one whose log is cut.
@@ -68,7 +68,7 @@ def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
     off = abs(record.rest - record.usual_rest)
     if record.is_cut:  # It was logged with noise.
         off = max(off, Z * Scales.elevator)
-    launch[OFFSET] = s.rest if rests(record, s) else off
+    launch[OFFSET] = s.rest if _rests(record, s) else off
     if not record.has_servo:
         launch[OFFSET], servo = 1e-6, 0.0
     own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
@@ -80,7 +80,7 @@ def whiten(
     flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
 ) -> _WhitenedFlight:
     """Filters a flight; the start's variances are given where they are others."""
-    return _whitened(_filter(flight.whole(), scales, start))
+    return _whitened(_filter(flight, scales, start))
 
 
 def _whitened(arrays: FilterArrays) -> _WhitenedFlight:
@@ -202,6 +202,7 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         air, air_z, moment, servo, *constants = by_start[n:]
         if start[n + 3] > 0.0:  # Of it, the departure's error is no scale.
             servo *= scales.servo**2 / start[n + 3]
+
     by_name = {
         "position": sensors[0] + sensors[1],
         "pitch": sensors[2],
@@ -214,7 +215,7 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         "trim": constants[2],
         "pitch_zero": constants[3],
         "rate": sensors[4],
-        "rest": by_start[OFFSET] if rests(flight.record, scales) else 0.0,
+        "rest": by_start[OFFSET] if _rests(flight.record, scales) else 0.0,
         "memory": by_start[NUM_STATES:n].sum(),
     }
     cost = _whitened(arrays).cost

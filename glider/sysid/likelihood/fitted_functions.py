@@ -28,7 +28,7 @@ _ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
 """Terms that vary about their means: these are effects of the library, and of measured
 positions nothing that a flight shows."""
 
-LEVELS = (8, 1.0), (32, 0.3)
+_LEVELS = (8, 1.0), (32, 0.3)
 """Gaussians over one variable, and their prior spread over the function's: wide ones,
 and narrow ones for kinks that only sharp flights show."""
 _PAIR_COUNTS = {"x": 8, "z": 4}
@@ -119,7 +119,7 @@ class FittedFunction:
         `values` (K + 1, v) are FLOW_VARIABLES at its nodes.
         """
         if not self.is_read:
-            values = variables_between(values)
+            values = _variables_between(values)
         return self.gaussians(values[:, self.columns])
 
 
@@ -148,6 +148,7 @@ def functions_of(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...
                     coordinates=np.ones(1),
                 )
             )
+
     return tuple(found)
 
 
@@ -157,16 +158,16 @@ def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
     return np.concatenate(flows)[:, -len(FLOW_VARIABLES) :]
 
 
-def between(values: np.ndarray) -> np.ndarray:
+def _between(values: np.ndarray) -> np.ndarray:
     """Returns values at the midpoint of each interval, (K, v), from those at nodes."""
     return 0.5 * (values[1:] + values[:-1])
 
 
-def variables_between(values: np.ndarray) -> np.ndarray:
+def _variables_between(values: np.ndarray) -> np.ndarray:
     """Returns FLOW_VARIABLES at the midpoints, (K, v): angles of attack turn by ±π."""
-    middle = between(values)
+    middle = _between(values)
     alpha = FLOW_VARIABLES.index("alpha")
-    turned = between(np.unwrap(values[:, alpha]))
+    turned = _between(np.unwrap(values[:, alpha]))
     middle[:, alpha] = np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
     return middle
 
@@ -177,7 +178,7 @@ def values_at_nodes(
     """Returns FLOW_VARIABLES at the nodes of a flight of a model, (K + 1, v)."""
     nodes = flight.nodes.copy()
     wind = flight.about.wind(flight.record)
-    nodes[:, 4:6] -= np.vstack([wind[:1], between(wind), wind[-1:]])
+    nodes[:, 4:6] -= np.vstack([wind[:1], _between(wind), wind[-1:]])
     flow = flow_at_nodes(flight.record, theta, nodes, gaussians)
     return flow[:, -len(FLOW_VARIABLES) :]
 
@@ -211,7 +212,7 @@ def _make_function(
     [value] = function.coefficients
     of_position = function.kind in ("pose_x", "pose_z")
     width, resolved = _OF_POSITIONS if of_position else (1.0, RESOLVED)
-    levels = LEVELS[:1] if of_position else LEVELS
+    levels = _LEVELS[:1] if of_position else _LEVELS
     own = [_grid(family.variables, range_, width, i) for i in range(len(levels))]
     centers, widths = map(np.vstack, zip(*own, strict=True))
     pairs = zip(own, levels, strict=True)
@@ -221,6 +222,7 @@ def _make_function(
     if function.kind in _ABOUT_MEAN:
         mean = shown.mean(axis=0, keepdims=True) @ basis
         basis = basis @ scipy.linalg.null_space(mean)
+
     squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
     spreads = np.sqrt(np.maximum(squares[::-1], 0.0))
     basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]
@@ -250,12 +252,14 @@ def _grid(
     beyond = math.ceil(width)
     axes = []
     for variable, low, high in zip(variables, *range_, strict=True):
-        count = _PAIR_COUNTS.get(variable, 5) if is_pair else LEVELS[level][0]
+        count = _PAIR_COUNTS.get(variable, 5) if is_pair else _LEVELS[level][0]
         if variable in _WIDEST:
             widest = (1 + is_pair) * _WIDEST[variable][level]
             count = max(3, 1 + math.ceil((high - low) / widest))
+
         apart = (high - low) / (count - 1)
         axes.append(low + apart * np.arange(-beyond, count + beyond))
+
     centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     centers = centers.reshape(-1, len(axes))
     widths = width * np.array([axis[1] - axis[0] for axis in axes])

@@ -13,12 +13,12 @@ from scipy.optimize import lsq_linear
 
 from glider.compiled.evidence import extended
 
-RIDGE = 1e-10  # Added to matrices with a diagonal of one, which may be singular.
+_RIDGE = 1e-10  # Added to matrices with a diagonal of one, which may be singular.
 _MOST_RELEASES = 10  # Of each coefficient from a bound; most steps need none.
 
 
 def solve_scaled(
-    matrix: np.ndarray, right: np.ndarray, ridge: float = RIDGE
+    matrix: np.ndarray, right: np.ndarray, ridge: float = _RIDGE
 ) -> np.ndarray:
     """Solves A x = b for coefficients of any units, (..., m); of one A for many b.
 
@@ -54,7 +54,7 @@ def bounded_step(
     right = information[:-1, -1]
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
     values, vectors = np.linalg.eigh(hessian * scale[:, None] * scale)
-    roots = np.sqrt(np.maximum(values, 0.0) + RIDGE)
+    roots = np.sqrt(np.maximum(values, 0.0) + _RIDGE)
     found = lsq_linear(
         roots[:, None] * vectors.T,
         (vectors.T @ (scale * right)) / roots,

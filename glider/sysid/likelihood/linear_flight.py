@@ -55,15 +55,6 @@ class Surroundings(NamedTuple):
 STILL_AIR = Surroundings()
 
 
-class _AddedColumns(NamedTuple):
-    """Columns of a free function, made only when a flight is whitened."""
-
-    basis: np.ndarray  #: (K, M) Gaussians in intervals; of sensors (K + 1, M) at nodes.
-    by_value: np.ndarray  #: (K, n) slopes by its value; of sensors (1, C).
-    mix: np.ndarray  #: (M, q) mixtures of Gaussians.
-    is_read: bool  #: Whether sensors show it.
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LinearFlight:
     """Arrays of `compiled.filter_error.filter_flight` that depend on no noise.
@@ -85,25 +76,22 @@ class LinearFlight:
     pose_by_x: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
-    functions: tuple[_AddedColumns, ...] = ()  #: They come before the last column.
 
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
-        flight = self.whole()
         mix = np.append(-weights, 1.0)
         return dataclasses.replace(
-            flight,
-            by_term=np.empty((*flight.inputs.shape[:2], 0)),
-            inputs=(flight.inputs @ mix)[..., None],
-            outputs=(flight.outputs @ mix)[..., None],
-            start=(flight.start @ mix)[..., None],
+            self,
+            by_term=np.empty((*self.inputs.shape[:2], 0)),
+            inputs=(self.inputs @ mix)[..., None],
+            outputs=(self.outputs @ mix)[..., None],
+            start=(self.start @ mix)[..., None],
         )
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        bare = dataclasses.replace(self, functions=())
-        return bare.combined(np.zeros(self.inputs.shape[2] - 1))
+        return self.combined(np.zeros(self.inputs.shape[2] - 1))
 
     def with_force_errors(self) -> "LinearFlight":
         """Returns the flight with errors of C_L and C_D in place of moving air.
@@ -114,39 +102,31 @@ class LinearFlight:
         forces = self.by_term.take([*map(self.terms.index, FORCES)], 2)
         return dataclasses.replace(self, by_air=forces)
 
-    def with_function(
-        self, basis: np.ndarray, effect: EffectKind, mix: np.ndarray
+    def with_columns(
+        self, added: Sequence[tuple[EffectKind, np.ndarray]]
     ) -> "LinearFlight":
-        """Returns the flight with the columns of a free function, before the last.
+        """Returns the flight with more columns, before the last.
 
-        Each mixes (M, q) Gaussians with values (K, M) at the midpoints of intervals; or
-        (K + 1, M) at the nodes, of an effect that sensors show.
+        Each block is of an effect of FREE_FUNCTIONS, with its values (K, q) at the
+        midpoints of intervals; or (K + 1, q) at the nodes, if sensors show it.
         """
-        is_read = effect.stage == "sensor"
-        if is_read:
-            channels = np.arange(self.outputs.shape[1])
-            by_value = 1.0 * (channels == SENSOR_TERMS.index(effect.kind))[None]
-        else:
-            by_value = -self.by_term[:, :, self.terms.index(effect.kind)]
-        own = _AddedColumns(basis, by_value, mix, is_read)
-        return dataclasses.replace(self, functions=(*self.functions, own))
-
-    def whole(self) -> "LinearFlight":
-        """Returns the flight with its free functions' columns among the others."""
-        if not self.functions:
-            return self
         first = self.inputs.shape[2] - 1
-        places = [first] * sum(own.mix.shape[1] for own in self.functions)
-        arrays = self.inputs, self.outputs, self.start
-        inputs, outputs, start = (np.insert(own, places, 0.0, -1) for own in arrays)
-        for own in self.functions:
-            last = first + own.mix.shape[1]
-            made = own.by_value[:, :, None] * (own.basis @ own.mix)[:, None]
-            (outputs if own.is_read else inputs)[..., first:last] = made
+        places = [first] * sum(values.shape[1] for _, values in added)
+        inputs = np.insert(self.inputs, places, 0.0, -1)
+        outputs = np.insert(self.outputs, places, 0.0, -1)
+        start = np.insert(self.start, places, 0.0, -1)
+        for effect, values in added:
+            last = first + values.shape[1]
+            if effect.stage == "sensor":
+                channel = SENSOR_TERMS.index(effect.kind)
+                outputs[:, channel, first:last] = values
+            else:
+                by_value = self.by_term[:, :, self.terms.index(effect.kind)]
+                inputs[:, :, first:last] = -by_value[:, :, None] * values[:, None]
+
             first = last
-        return dataclasses.replace(
-            self, functions=(), inputs=inputs, outputs=outputs, start=start
-        )
+
+        return dataclasses.replace(self, inputs=inputs, outputs=outputs, start=start)
 
 
 def path_of(
@@ -208,6 +188,7 @@ def linearize(
             begins = nodes[0, NUM_STATES:] - states_at_rest(record, other, nodes[0])
             own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
             start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
+
     index = [ROWS[name] for name in shown]
     width = states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
@@ -237,6 +218,7 @@ def linearize(
         [per_second] = _secants(record, theta, gaussians, delay, about, usual)
         for j, seconds in late.items():
             inputs[:, :, j] = -seconds * per_second[:, :width]
+
     by_x = by_x.take(states, 1).take(states, 2)
     by_term = by_term.take(states, 1)
     by_trim = by_x[:, :, OFFSET].copy()
@@ -245,6 +227,7 @@ def linearize(
         [slot] = space.slots_of(PITCH_MOMENT.kind)
         per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
         by_trim = per_radian * by_term[:, :, shown.index("c_moment")]
+
     return LinearFlight(
         record=record,
         about=about,
@@ -302,6 +285,7 @@ def _secants(
         nodes[shapes] = true_nodes(record, base, gaussians, with_states=True)
         if not states or not set(states).isdisjoint(acting):
             [ends[shapes]] = _ends_of(record, gaussians, about, [(base, nodes[shapes])])
+
     flown = [(d.moved(theta), nodes[d.shapes]) for d in directions]
     moved = zip(directions, _ends_of(record, gaussians, about, flown), strict=True)
     return [(end - ends[d.shapes]) / d.size for d, end in moved]
@@ -340,6 +324,7 @@ def _outputs(
         elif d.slot >= space.num_flown:
             moved = _logged(record, nodes, d.moved(theta))
             outputs[:, 3:, j] = (moved - logged) / d.size
+
     measured = [*record.pose.T, record.elevator, record.pitch_rate]
     outputs[:, :, -1] = np.stack(measured[: shown.shape[1]], axis=1) - shown
     return outputs

@@ -33,8 +33,8 @@ from glider.sysid.likelihood.linear_flight import (
     Surroundings,
     linearize,
 )
-from glider.sysid.likelihood.scale_fit import fit_scales
-from glider.sysid.likelihood.scales import NAMES, Scales, lifted
+from glider.sysid.likelihood.scale_fit import fit_scales, lifted
+from glider.sysid.likelihood.scales import NAMES, Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Record
 
@@ -93,11 +93,8 @@ def with_functions(
     values = values_at_nodes(flight, theta, gaussians)
     bases = {function.basis: function for function in functions}
     along = {basis: function.along(values) for basis, function in bases.items()}
-    for function in functions:
-        flight = flight.with_function(
-            along[function.basis], function.effect, function.mix
-        )
-    return flight
+    added = [(own.effect, along[own.basis] @ own.mix) for own in functions]
+    return flight.with_columns(added)
 
 
 def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
@@ -200,10 +197,12 @@ def fit_model(
             )
         else:
             value = float(negative_log_likelihood(now, scales).sum())
+
         if any(excludes(scales, own) for own in current.about.values()):
             current = dataclasses.replace(current, scales=scales)
             current = in_surroundings(task, current, now)
             continue
+
         prior = prior_of(task, current, start=model.theta)
         value += 0.5 * float(prior.precision @ prior.mean**2)
         value = value if np.isfinite(value) else np.inf
@@ -217,6 +216,7 @@ def fit_model(
             about_moves = False
             current = moved(task, best, step)
             continue
+
         gained = np.inf if best is None else best.cost - value
         best = current
         tries = 0
@@ -232,10 +232,12 @@ def fit_model(
         if not np.all(np.isfinite(step)):  # It diverges.
             best = current = dataclasses.replace(best, cost=np.inf)
             break
+
         current = moved(task, best, step)
         if about_moves:
             now = [f.combined(step) for f in flights]
             current = in_surroundings(task, current, now)
+
     best = best or current
     if not with_strength:
         return best
@@ -304,7 +306,9 @@ def _fit_strength(
             strength = float(np.sqrt(np.mean(mine)))
             strength = min(max(strength, RESOLVED), PRIOR_SCALES)
             functions.append(dataclasses.replace(fitted, strength=strength))
+
         model = dataclasses.replace(model, functions=tuple(functions))
+
     prior = prior_of(task, model)
     total = prior.added_to(gram)
     precision = prior.precision[own]

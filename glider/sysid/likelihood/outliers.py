@@ -10,7 +10,7 @@ squares (Huber, Robust Statistics, 1981).
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
-from glider.sysid.constants import FOLDS, LEAST_DEVIATION, LEAST_SPREAD, NOISE, Z
+from glider.sysid.constants import FOLDS, LEAST_DEVIATION, LEAST_SPREAD, Z
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values, whiten
@@ -20,7 +20,7 @@ from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 
 _COARSE = "position", "pitch", "elevator", "air", "moment", "servo", "rest"
-COARSE_SCALES = Scales(**{name: Z * NOISE[name][0] for name in _COARSE})
+COARSE_SCALES = Scales(**{name: Z * getattr(Scales, name) for name in _COARSE})
 """Noise under which flights are compared: errors of any one model count little."""
 _ROUNDS = 12  # Of reweighting.
 _LEAST_SQUARE = 1e-6  # Mean square that is rounding, as of logs without noise.
@@ -30,13 +30,13 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
     """Returns the outliers and their mean square over the median."""
     if len(task.records) < FOLDS:
         return {}
-    squares = mean_squares(task, noise)
+    squares = _mean_squares(task, noise)
     ratios = squares / np.median(squares)
     places = np.flatnonzero(_stand_out(squares)).tolist()
     return {task.records[i].name: float(ratios[i]) for i in places}
 
 
-def mean_squares(task: Task, noise: Noise) -> np.ndarray:
+def _mean_squares(task: Task, noise: Noise) -> np.ndarray:
     """Returns the mean square of each flight's remaining error (flights,)."""
     model = start_of(task, noise)
     candidates, grams, _ = gather_in_parts(task, model, COARSE_SCALES)
@@ -49,6 +49,7 @@ def mean_squares(task: Task, noise: Noise) -> np.ndarray:
         squares = np.einsum("i,fij,j->f", left, grams, left) / counts
         squares = np.maximum(squares, _LEAST_SQUARE)
         weights = 1.0 / np.maximum(squares / np.median(squares), 1.0)
+
     return squares
 
 
@@ -68,11 +69,11 @@ def _stand_out(squares: np.ndarray) -> np.ndarray:
     Logarithms are compared, since an error common to all flights scales the squares.
     """
     with np.errstate(invalid="ignore"):  # A model may diverge on most of them.
-        outlying = deviations(np.log(squares), LEAST_DEVIATION) > Z
+        outlying = _deviations(np.log(squares), LEAST_DEVIATION) > Z
     return outlying & (FOLDS * np.sum(outlying) <= len(squares))
 
 
-def deviations(values: np.ndarray, least: float) -> np.ndarray:
+def _deviations(values: np.ndarray, least: float) -> np.ndarray:
     """Returns how many standard deviations, at least some, values are off the median.
 
     Of few values the standard deviation is uncertain, and counts as a larger one.
@@ -95,8 +96,9 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
     kinds = task.space.kinds
     of_columns = ((kind, c) for kind in PER_FLIGHT for c in kinds[kind].coefficients)
     for (kind, coefficient), values in zip(of_columns, own.T, strict=True):
-        apart = deviations(values, LEAST_SPREAD * coefficient.scale)
+        apart = _deviations(values, LEAST_SPREAD * coefficient.scale)
         for i in np.flatnonzero(np.abs(apart) > Z).tolist():
             words = f"no other flight needs {kind} as of {values[i]:.2g}"
             found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
+
     return found if FOLDS * len(found) <= len(task.records) else {}

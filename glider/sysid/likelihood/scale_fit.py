@@ -10,26 +10,36 @@ from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood.filtering import score, whiten
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import LinearFlight
-from glider.sysid.likelihood.scales import (
-    CEILING,
-    FLOOR,
-    NAMES,
-    PRECISION,
-    USUAL,
-    Scales,
-)
+from glider.sysid.likelihood.scales import CEILING, FLOOR, NAMES, Scales
 
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
 _LARGEST_STEP = 0.7  # Of a logarithm: a scale at most doubles.
 _LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
 
-Flight = TypeVar("Flight")
+# Prior of the logarithms. Flights in nearly still air do not determine the gusts' time:
+# its range is two standard deviations either way. The others have none.
+_USUAL = Scales().logs
+_PRECISION = np.where(
+    np.array(NAMES) == "air_time", (0.25 * (CEILING.logs - FLOOR.logs)) ** -2.0, 0.0
+)
 
 
-def typical_flights(flights: Sequence[Flight]) -> Sequence[Flight]:
+_Flight = TypeVar("_Flight")
+
+
+def typical_flights(flights: Sequence[_Flight]) -> Sequence[_Flight]:
     """About FEW_FLIGHTS of many, evenly picked."""
     return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
+
+
+def lifted(scales: Scales) -> Scales:
+    """Returns scales at least halfway to their usual ones, in logarithms.
+
+    A fit that begins with little noise keeps to the errors of the model before it.
+    """
+    least = np.where(_PRECISION == 0.0, 0.5 * (FLOOR.logs + _USUAL), -np.inf)
+    return Scales.from_logs(np.maximum(scales.logs, least))
 
 
 class _FittedScales(NamedTuple):
@@ -73,7 +83,8 @@ def fit_scales(
         if not np.all(np.isfinite(fisher)):
             curvature = None
             break
-        fisher += np.diag(PRECISION[index] + _LEAST_FISHER)
+
+        fisher += np.diag(_PRECISION[index] + _LEAST_FISHER)
         system = np.pad(fisher, (0, 1))
         system[:-1, -1] = -slopes[index]
         least = np.maximum(low - logs, -_LARGEST_STEP)[index]
@@ -91,7 +102,7 @@ def fit_scales(
             lower, there = _score(flights, moved)
             if lower < value:
                 step = moved - logs
-                change = there - slopes - PRECISION * step
+                change = there - slopes - _PRECISION * step
                 is_far = np.abs(own).max() >= _LARGEST_STEP
                 curvature = None if is_far else _updated(curvature, step, change)
                 gained = value - lower
@@ -100,13 +111,16 @@ def fit_scales(
                 value = lower
                 damping = 0.1 * damping if damping > 1e-2 else 0.0
                 break
+
             damping = max(10.0 * damping, 0.1)
+
         if gained < tolerance:
             if not is_given:
                 break
             curvature = None
             damping = 0.0
             is_given = False
+
     return _FittedScales(Scales.from_logs(logs), value, curvature)
 
 
@@ -116,10 +130,10 @@ def _score(
     """Returns the cost of such scales with their prior [nats], and its slopes."""
     scales = Scales.from_logs(logs)
     found = in_parallel(lambda f: score(f, scales), flights)
-    apart = logs - USUAL
+    apart = logs - _USUAL
     return (
-        0.5 * float(PRECISION @ apart**2) + sum(cost for cost, _ in found),
-        PRECISION * apart + sum(slopes for _, slopes in found),
+        0.5 * float(_PRECISION @ apart**2) + sum(cost for cost, _ in found),
+        _PRECISION * apart + sum(slopes for _, slopes in found),
     )
 
 

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from glider.sysid.constants import MOMENT_TIME, NOISE
+from glider.sysid.constants import MOMENT_TIME
 from glider.sysid.replay.record import Noise
 
 _AT_FLOOR = 2.0  # Over the least scale, which a fit only comes near.
@@ -15,21 +15,21 @@ _LEAST_ELEVATOR = 1e-4  # Least noise of an elevator, where there is none [rad].
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scales:
-    """Standard deviations of all noise, by default where a fit of them starts."""
+    """Standard deviations of all noise, by default where a fit of them starts (c)."""
 
-    position: float = NOISE["position"][0]  #: Of measured x and z [m].
-    pitch: float = NOISE["pitch"][0]  #: Of measured pitch [rad].
-    elevator: float = NOISE["elevator"][0]  #: Of the measured elevator [rad].
-    air: float = NOISE["air"][0]  #: Of the moving air, in x and in z [m/s].
-    air_time: float = NOISE["air_time"][0]  #: Its correlation time [s].
-    moment: float = NOISE["moment"][0]  #: Of unmodelled accelerations [rad/s²].
-    servo: float = NOISE["servo"][0]  #: Of the elevator off its path [rad].
-    wind: float = NOISE["wind"][0]  #: Of flights' steady winds, x and z [m/s].
-    trim: float = NOISE["trim"][0]  #: Of their elevator trims [rad].
-    pitch_zero: float = NOISE["pitch_zero"][0]  #: Of their pitch readings [rad].
-    rate: float = NOISE["rate"][0]  #: Of the pitch rate of a gyro [rad/s].
-    rest: float = NOISE["rest"][0]  #: Of elevators at rest, about zero [rad].
-    memory: float = NOISE["memory"][0]  #: Of effects' states at launch, in theirs.
+    position: float = 0.001  #: Of measured x and z [m].
+    pitch: float = 0.005  #: Of measured pitch [rad].
+    elevator: float = 0.01  #: Of the measured elevator [rad].
+    air: float = 0.05  #: Of the moving air, in x and in z [m/s].
+    air_time: float = 0.25  #: Its correlation time [s].
+    moment: float = 1.0  #: Of unmodelled accelerations [rad/s²].
+    servo: float = 0.005  #: Of the elevator off its path [rad].
+    wind: float = 0.05  #: Of flights' steady winds, x and z [m/s].
+    trim: float = 0.005  #: Of their elevator trims [rad].
+    pitch_zero: float = 0.005  #: Of their pitch readings [rad].
+    rate: float = 0.01  #: Of the pitch rate of a gyro [rad/s].
+    rest: float = 0.01  #: Of elevators at rest, about zero [rad].
+    memory: float = 0.1  #: Of effects' states at launch, in theirs.
 
     @property
     def logs(self) -> np.ndarray:
@@ -75,22 +75,36 @@ class Scales:
 
 
 NAMES = tuple(field.name for field in dataclasses.fields(Scales))
-FLOOR, CEILING = (Scales(**{n: NOISE[n][end] for n in NAMES}) for end in (1, 2))
-# Prior of the logarithms. Flights in nearly still air do not determine the gusts' time:
-# its range is two standard deviations either way. The others have none.
-USUAL = Scales().logs
-PRECISION = np.where(
-    np.array(NAMES) == "air_time", (0.25 * (CEILING.logs - FLOOR.logs)) ** -2.0, 0.0
+FLOOR = Scales(  # The least that a log shows (c).
+    position=1e-06,
+    pitch=1e-05,
+    elevator=1e-05,
+    air=0.001,
+    air_time=0.04,
+    moment=0.01,
+    servo=0.0001,
+    wind=0.001,
+    trim=0.0001,
+    pitch_zero=0.0001,
+    rate=0.0001,
+    rest=0.0001,
+    memory=0.001,
 )
-
-
-def lifted(scales: Scales) -> Scales:
-    """Returns scales at least halfway to their usual ones, in logarithms.
-
-    A fit that begins with little noise keeps to the errors of the model before it.
-    """
-    least = np.where(PRECISION == 0.0, 0.5 * (FLOOR.logs + USUAL), -np.inf)
-    return Scales.from_logs(np.maximum(scales.logs, least))
+CEILING = Scales(  # The most that a flight of a glider has (c).
+    position=0.2,
+    pitch=0.3,
+    elevator=0.3,
+    air=0.6,
+    air_time=1.0,
+    moment=200.0,
+    servo=0.3,
+    wind=0.5,
+    trim=0.1,
+    pitch_zero=0.03,
+    rate=5.0,
+    rest=0.5,
+    memory=1.0,
+)
 
 
 def start_scales(noise: Noise) -> Scales:

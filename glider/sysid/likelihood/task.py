@@ -76,9 +76,11 @@ class Task:
         for slot in of_log.keys() & {poses, commands}:
             upper[slot] = min(ndtri(0.5 + 0.5 * LEVEL) * of_log[slot], upper[slot])
             lower[slot] = -upper[slot]
+
         if commands in of_log:  # Samples as far apart smooth an elevator like a lag.
             [lag] = self.space.slots_of(SERVO_LAG.kind)
             lower[lag] = min(upper[commands], CLOCK_ERROR)
+
         return lower[slots], upper[slots]
 
     def on(self, records: Sequence[Record]) -> "Task":

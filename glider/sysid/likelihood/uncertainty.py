@@ -88,6 +88,7 @@ def averaged(
         spread = np.outer(change, change)
         spread[np.ix_(named, named)] += own.covariance[0]
         total += probability * spread
+
     slots = list(known[0].named)
     return dataclasses.replace(known[0], average=total[np.ix_(slots, slots)])
 

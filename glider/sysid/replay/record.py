@@ -134,6 +134,7 @@ def _record(
         sideways = maps[0][1, :n] @ flight.attitude[good, 0]
         bank, side_wind = in_plane(maps[2][0, :n] @ pose[:, 2], turned_by, sideways)
         pose = np.column_stack([pose[:, :2], planar_pitch(flight, good)])
+
     curves = np.stack([maps[j] @ pose[:, j] for j in range(3)], axis=2)
     nodes = np.zeros((n, space.num_states))
     nodes[:, 0:3], nodes[:, 4:7] = curves[:2, :n]
@@ -158,8 +159,10 @@ def _record(
             departure = np.interp(time, clock, flight.departure.angle)
             departure_std = flight.departure.std
             rest = flight.departure.rest
+
         elevator[place] = flight.elevator[rows]
         seen[place, 3] = ~mask.elevator[rows] & (campaign.servo.angle == "measured")
+
     return Record(
         name=flight.name,
         space=space,

@@ -23,7 +23,6 @@ from glider.physics.effects import (
     Replay,
 )
 from glider.physics.effects.free_functions import COEFFICIENTS
-from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.log_space import resting_states, sensed
 from glider.sysid.replay.record import Record
@@ -34,7 +33,7 @@ _PERTURBATION = 1e-6  # Of where an elevator began [rad].
 _REPLAYS = 4096  # Replays of elevators that are kept: eight of each of 500 flights.
 
 
-class Signals(NamedTuple):
+class _Signals(NamedTuple):
     """An elevator along a log."""
 
     elevator: np.ndarray  #: (n - 1, 3) at start, middle, end of intervals [rad].
@@ -55,7 +54,7 @@ def latency_of(record: Record, replay: Replay) -> float:
     return replay.latency + replay.drift * record.place
 
 
-def signals(record: Record, theta: np.ndarray) -> Signals:
+def signals(record: Record, theta: np.ndarray) -> _Signals:
     """Replays a log's elevator.
 
     With a pose latency the row of time t shows the flight at t - latency.
@@ -64,7 +63,7 @@ def signals(record: Record, theta: np.ndarray) -> Signals:
 
 
 @functools.lru_cache(_REPLAYS)
-def _replayed(record: Record, last: bytes) -> Signals:
+def _replayed(record: Record, last: bytes) -> _Signals:
     """The same by the last entries of theta, which replay a log's signals."""
     n = len(record.time)
     space = record.space
@@ -73,30 +72,25 @@ def _replayed(record: Record, last: bytes) -> Signals:
     replay = space.replay(theta)
     if not record.has_servo:
         still = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
-        return Signals(*still, np.ones(n, bool))
+        return _Signals(*still, np.ones(n, bool))
+
     middle = 0.5 * (record.time[1:] + record.time[:-1])
     query = np.concatenate([record.time, middle]) - latency_of(record, replay)
     query = np.concatenate([query, record.time])
-    low, high, _ = record.servo
 
     def path_from(start: float) -> np.ndarray:
         tape = record.switch_times, record.commands
         return replayed_path(replay, *tape, query, record.servo, start=start)
 
     path = path_from(record.rest)
-    persists = np.ones(n, bool)
-    # The servo may slow down between rows, and the elevator lags behind it.
-    step = np.abs(np.diff(path[:n])).max(initial=0.0)
-    ahead = STOPPING_TIME + replay.time_constant
-    room = step + ahead * np.abs(record.commands).max()
-    if path.min() < low + room or path.max() > high - room:
-        off = path_from(record.rest + _PERTURBATION) - path
-        persists = np.logical_and.accumulate(off[:n] > 0.5 * _PERTURBATION)
+    off = path_from(record.rest + _PERTURBATION) - path
+    # At a stop it forgets where it began.
+    persists = np.logical_and.accumulate(off[:n] > 0.5 * _PERTURBATION)
     path += np.interp(query, record.time, record.departure)
     here, middle, logged = np.split(path, [n, 2 * n - 1])
     elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
     rate = np.diff(here) / np.diff(record.time)
-    return Signals(elevator, rate, logged, persists)
+    return _Signals(elevator, rate, logged, persists)
 
 
 def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:
@@ -180,6 +174,7 @@ def _without_sensors(
         states[:, :3] += missed
         if np.abs(missed).max() < 1e-14:  # Most effects are gone at once.
             break
+
     nodes = states[:n]
     later = states[n:]
     nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
@@ -202,6 +197,7 @@ def flow_along(
         theta, shift = trimmed(record, theta, trim)
         nodes = true_nodes(record, theta, gaussians)
         nodes[:, OFFSET] = shift
+
     return nodes, flow_at_nodes(record, theta, nodes, gaussians)
 
 
@@ -235,6 +231,7 @@ def make_table(
         own = nodes[:, 2], flow, alpha, turning
         accelerations = record.acceleration, record.acceleration_std
         flights.append([values[_EDGE:-_EDGE] for values in (*own, *accelerations)])
+
     stacked = map(np.concatenate, zip(*flights, strict=True))
     pitch, flow, alpha, turning, measured, std = stacked
     modelled, (air_x, air_z), variables = flow[:, :3], flow[:, 3:5].T, flow[:, 5:].T

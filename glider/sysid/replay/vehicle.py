@@ -29,6 +29,13 @@ _CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
 """Parameters that default to the nominal glider's: they only scale the others."""
 
 
+# Prior spreads (c). Of the drift between the clocks of poses and servo over a session
+# [s]: clocks differ by 20 parts in a million, and a session lasts some minutes.
+_DRIFT_SPREAD = 5e-3
+_GYRO_BIAS = 0.05  # Of the bias of a gyro [rad/s]: five times its usual noise.
+_WING_SPREAD = 0.03  # Of the distance of a wing from the center of mass [m].
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Vehicle:
     """A campaign's vehicle as the fits see it."""
@@ -78,17 +85,20 @@ def make_vehicle(campaign: Campaign, space: ParameterSpace = LIBRARY_SPACE) -> V
         share = constants.TAIL_SPREAD if name == "elevator_area" else 0.5
         spreads[i] = share * float(theta[i])
         if name == "wing_offset":
-            spreads[i] = constants.WING_SPREAD
+            spreads[i] = _WING_SPREAD
+
     for kind in space.kinds.values():
         if kind.unknown_without is not None:
             fact, spread = kind.unknown_without
             if fact not in facts:
                 spreads[space.slots_of(kind.kind)[0]] = spread
+
     if is_per_mass:
         notes.append(
             "No mass or area is specified: the mass is set to 1 kg, "
             "so areas and inertia are per kg."
         )
+
     notes += [
         f"'{name}' is not specified; {theta[space.index[name]]:g} is assumed."
         for name in _CONVENTIONAL
@@ -131,6 +141,7 @@ def _hidden(
     for kind in space.kinds.values():
         if any(facts.isdisjoint(need.split(" or ")) for need in kind.needs):
             dropped.add(kind.kind)
+
     if "servo" not in facts:
         dropped |= {kind.kind for kind in space.replayed}
     elif servo.command == "reconstructed":
@@ -140,12 +151,14 @@ def _hidden(
             f"{', '.join(actuators)} were not tried: the commands were reconstructed "
             "from the measured elevator."
         )
+
     std = math.hypot(servo.clock_std, servo.command_std)
     if std > 2.0 * CLOCK_STD:
         notes.append(
             f"The servo's times are known to ± {1e3 * std:.2g} ms only: a delay that "
             "this explains cannot be found."
         )
+
     if "wing_offset" not in facts:
         notes.append("The tracked point is assumed to be the center of mass.")
     return dropped, notes
@@ -171,8 +184,8 @@ def _of_log(campaign: Campaign, space: ParameterSpace) -> dict[int, float]:
     servo = campaign.servo
     has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
     travel = constants.TAIL_SPREAD * (servo.angle == "reconstructed")
-    bias = constants.Z * constants.NOISE["rate"][0] * has_gyro
-    drift = constants.DRIFT_SPREAD * (servo.clock_std > 0.0)
+    bias = _GYRO_BIAS * has_gyro
+    drift = _DRIFT_SPREAD * (servo.clock_std > 0.0)
     spreads = servo.clock_std, servo.command_std, bias, drift, travel
     slots = *space.slots_of(SERVO_LOG.kind), *space.slots_of(ELEVATOR_SCALE.kind)
     return {slot: spread for slot, spread in zip(slots, spreads, strict=True) if spread}

@@ -10,20 +10,18 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from glider.physics.effects.families import FAMILIES, formulas_at
-from glider.sysid.constants import CLEAR, EXPLAINED, FOLLOWED, MOST_EFFECTS, SLACK, Z
+from glider.physics.effects.families import FAMILIES
+from glider.sysid.constants import CLEAR, FOLLOWED, MOST_EFFECTS, SLACK, Z
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
-from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import error_flights
-from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.likelihood.uncertainty import uncertainty_of
+from glider.sysid.likelihood.task import FitResult
 from glider.sysid.search.subsets import Members, best_of_sizes, climb
 from glider.sysid.search.support import Search
 
 _Move = Callable[[Search, FitResult], FitResult | None]
 
 
-def best(search: Search, model: FitResult) -> FitResult | None:
+def _best(search: Search, model: FitResult) -> FitResult | None:
     """The best set about a model.
 
     Errors of the linearization look like small effects, in proportion to the gain: the
@@ -43,10 +41,12 @@ def best(search: Search, model: FitResult) -> FitResult | None:
 
 def _pruned(search: Search, model: FitResult) -> FitResult | None:
     """The model without effects that do not reach their thresholds."""
-    shown = shown_by(search.task, model)
+    if (near := search.near(model)) is None:
+        return None
+    lost = near.lost(near.by_first(model.kinds))
     found = model
-    for kind in sorted(shown, key=shown.__getitem__):
-        if shown[kind] > CLEAR:
+    for kind in sorted(lost, key=lost.__getitem__):
+        if lost[kind] > CLEAR:
             break
         fewer = search.fit_without(found, kind)
         found = fewer if search.prefers(fewer, found) else found
@@ -56,28 +56,6 @@ def _pruned(search: Search, model: FitResult) -> FitResult | None:
 def one_less(search: Search, model: FitResult) -> dict[str, FitResult]:
     """Returns the models without each of the effects, all else refitted."""
     return {kind: search.fit_without(model, kind) for kind in model.kinds}
-
-
-def shown_by(task: Task, model: FitResult) -> dict[str, float]:
-    """Returns the evidence of each effect beside the others, by Wald's test [nats].
-
-    Half of c' C⁻¹ c, of an effect's sizes c and their covariance C.
-    """
-    known = uncertainty_of(task, model)
-    functions = model.by_name
-    found = {}
-    for kind in model.kinds:
-        if kind in functions:
-            places = [*known.places[kind]]
-            value = functions[kind].coordinates
-        else:
-            slots = [i for i in task.space.slots_of(kind) if i in known.free]
-            slots = [i for i in slots if i not in task.space.shapes] or slots
-            places = [known.free.index(i) for i in slots]
-            value = model.theta[slots] - task.vehicle.theta[slots]
-        function, _ = known.of(places)
-        found[kind] = 0.5 * float(value @ solve_scaled(function, value, 0.0))
-    return found
 
 
 def _with_mean(search: Search, model: FitResult) -> FitResult | None:
@@ -106,10 +84,11 @@ def _with_mean(search: Search, model: FitResult) -> FitResult | None:
         other = search.fit(other, f"{kind} in all flights?")
         if search.prefers(other, model):
             return other
+
     return None
 
 
-def renamed(search: Search, model: FitResult) -> FitResult | None:
+def _renamed(search: Search, model: FitResult) -> FitResult | None:
     """The model with formulas in the place of a free function that they explain.
 
     Formulas are names where they are worth at least as much as the free function, or
@@ -124,29 +103,8 @@ def renamed(search: Search, model: FitResult) -> FitResult | None:
         options = [max(score.larger(s), key=score, default=s) for s in (rest, own)]
         if found := search.better(model, near, options):
             return found
+
     return None
-
-
-def nearest_of(search: Search, model: FitResult) -> dict[str, str]:
-    """Returns the formula that explains each free function, where one does.
-
-    To first order it gains, in the place of the function and of all formulas there, a
-    share `EXPLAINED` of what the function gains.
-    """
-    if not model.free_kinds or (near := search.near(model)) is None:
-        return {}
-    own = dict(near.by_first(model.kinds))
-    found = {}
-    for function in model.free_kinds:
-        formulas = formulas_at(function)
-        rest = tuple((k, v) for k, v in own.items() if k not in {function, *formulas})
-        base = near.gain(rest)
-        whole = near.gain((*rest, (function, own[function]))) - base
-        options = near.among(formulas).larger(rest)
-        best = max(options, key=near.gain, default=rest)
-        if near.gain(best) - base > EXPLAINED * whole:
-            [*_, (found[function], _)] = best
-    return found
 
 
 def _with_another(search: Search, model: FitResult) -> FitResult | None:
@@ -160,6 +118,7 @@ def _with_another(search: Search, model: FitResult) -> FitResult | None:
         for other in (*score.larger(own), *score.swapped(own)):
             kind = other[-1][0]
             found[kind] = max(found.get(kind, other), other, key=score)
+
         for members in found.values():
             if score(members) > score(own) - CLEAR:
                 yield members
@@ -168,7 +127,7 @@ def _with_another(search: Search, model: FitResult) -> FitResult | None:
     return search.better(model, score, few)
 
 
-def reshaped(search: Search, model: FitResult) -> FitResult | None:
+def _reshaped(search: Search, model: FitResult) -> FitResult | None:
     """The model with the shapes of a formula searched again, its effect removed first.
 
     A fit keeps near the shapes that its formula began with, and at a bound that it met.
@@ -191,15 +150,16 @@ def reshaped(search: Search, model: FitResult) -> FitResult | None:
             other = search.fit(other, words, rival=model, again=True)
             if search.penalized_cost(other) < search.penalized_cost(model):
                 return other
+
     return None
 
 
 MOVES: dict[str, _Move] = {
-    "best set": best,
+    "best set": _best,
     "mean over flights": _with_mean,
     "prune": _pruned,
-    "formula of a free function": renamed,
+    "formula of a free function": _renamed,
     "another effect": _with_another,
-    "other shapes": reshaped,
+    "other shapes": _reshaped,
 }
 """Tried in turn until none finds a model that is worth more."""

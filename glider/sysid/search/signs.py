@@ -63,6 +63,7 @@ def find_signs(
         if gain > most:
             best = signs
             most = gain
+
     if best.are_right or most < CLEAR:
         return Signs()
     rows = 4 * np.mean([len(f.time) for f in few])

@@ -12,15 +12,13 @@ import numpy as np
 
 from glider.physics.effects.families import FAMILIES
 from glider.sysid import constants
-from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, Member
+from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.result import EvidenceThreshold
 
-Members = tuple[Member, ...]
+Members = tuple[tuple[str, tuple[int, ...]], ...]  # Kinds, and the columns they act by.
 
-HELD_OUT = EvidenceThreshold(**constants.HELD_OUT_THRESHOLD)
-"""Gain on held-out flights that an effect must bring."""
+_HELD_OUT = constants.HELD_OUT_THRESHOLD
 
 
 class Scorer:
@@ -56,11 +54,6 @@ class Scorer:
         if key not in self._kept:
             [self._kept[key]] = self.evidence.extended(_columns_of(members), [()])
         return self._kept[key]
-
-    def alone(self) -> dict[str, float]:
-        """Returns the gain of each kind alone, without its penalty [nats]."""
-        variants = self.variants.items()
-        return {kind: max(self.evidence.extended((), own)) for kind, own in variants}
 
     def lost(self, members: Members) -> dict[str, float]:
         """Returns the loss without each member, without its penalty [nats].
@@ -106,12 +99,14 @@ class Scorer:
                     own, coordinates=step, strength=strength
                 )
                 continue
+
             directions = [self.candidates.directions[c] for c in variant]
             for slot, shape in (pair for d in directions for pair in d.shapes):
                 theta[slot] = shape
             slots = [d.slot for d in directions]
             values = task.priors(slots, theta)[0] + step
             theta[slots] = np.clip(values, *task.bounds(slots))
+
         return dataclasses.replace(
             model,
             kinds=kinds,
@@ -133,6 +128,7 @@ class Scorer:
             more = [variant for *_, (_, variant) in new.values()]
             gains = self.evidence.extended(_columns_of(members), more)
             self._kept.update(zip(new, gains, strict=True))
+
         return sets
 
     def smaller(self, members: Members) -> Iterable[Members]:
@@ -174,6 +170,7 @@ def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> 
         }
         held_out = HeldOutEvidence(candidates, grams, counts)
         return Scorer(candidates, held_out, lambda kind, kinds: thresholds[kind])
+
     evidence = candidates.evidence(np.tensordot(counts, grams, 1))
     return Scorer(candidates, evidence, functools.partial(threshold_of, task))
 
@@ -183,8 +180,8 @@ def _held_out_threshold(task: Task, kind: str) -> float:
     slots = task.space.slots_of(kind)
     sizes = sum(i not in task.space.shapes for i in slots)
     is_common = kind in task.space.kinds and task.space.kinds[kind].is_common
-    cause = 0.0 if is_common else HELD_OUT.uncommon
-    return HELD_OUT.effect + HELD_OUT.coefficient * (sizes - 1) + cause
+    cause = 0.0 if is_common else _HELD_OUT["uncommon"]
+    return _HELD_OUT["effect"] + _HELD_OUT["coefficient"] * (sizes - 1) + cause
 
 
 def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
@@ -204,6 +201,7 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
         own = log(len(FAMILIES))
     else:
         own = constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP
+
     return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own
 
 
@@ -245,6 +243,7 @@ def best_of_sizes(score: Scorer) -> list[Members]:
         beam = list({frozenset(m): m for m in reached}.values())
         found.append(max(beam, key=score))
         best = max(best, found[-1], key=score)
+
     return found
 
 

@@ -18,7 +18,6 @@ from glider.sysid.likelihood.candidates import (
 )
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.result import EvidenceThreshold
 from glider.sysid.search.subsets import Members, Scorer, climb, scorer_of, threshold_of
 
 # Sets of flights: the most where in doubt.
@@ -35,7 +34,6 @@ class Search:
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     #: Sets whose fits stopped far behind a rival, and the cost that was too much.
     stopped: dict[frozenset[str], float] = dataclasses.field(default_factory=dict)
-    alone: dict[str, float] = dataclasses.field(default_factory=dict)
     #: Effects whose shapes were searched again, and the sets in which they were.
     reshaped: set[tuple[str, frozenset[str]]] = dataclasses.field(default_factory=set)
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
@@ -97,6 +95,7 @@ class Search:
         if known is not None:  # Little less is the same one.
             least = self.penalized_cost(known) - (RIVAL_GAP if is_done else 0.0)
             model = model if self.penalized_cost(model) < least else known
+
         self.fitted[key] = model
         return model
 
@@ -125,10 +124,7 @@ class Search:
         if not np.all(np.isfinite(gram)):
             return None
         light = dataclasses.replace(candidates, task=few, flights=())
-        score = scorer_of(light, gram[None], np.ones(1))
-        if not self.alone.keys() >= set(score.variants).intersection(few.kinds):
-            self.alone = score.among(few.kinds).alone() | self.alone
-        return score
+        return scorer_of(light, gram[None], np.ones(1))
 
     def better(
         self,
@@ -145,6 +141,7 @@ class Search:
             found = other if is_best and self.prefers(other, model) else found
             if first and found is not model:
                 break
+
         return None if found is model else found
 
 
@@ -184,21 +181,21 @@ def weigh(
     if not model.kinds:
         return {}
     candidates, grams, _ = gather_in_parts(task, model, model.scales)
-    score = scorer_of(candidates, grams, np.ones(len(grams)))
-    chosen = score.by_first(model.kinds)
-    near, rivals = near_and_rivals(score, chosen)
+    near = Nearby(candidates, grams)
+    rivals = near.rivals
     backers = {k: {k, *rivals[k], *_family_of(k, model)} for k in model.kinds}
     resampled: list[set[str]] = []
     while True:
         for _ in range(_LEAST_DRAWS):
             drawn = rng.integers(len(grams), size=len(grams))
             times = np.bincount(drawn, minlength=len(grams)).astype(float)
-            again = scorer_of(candidates, grams, times).among(near)
-            resampled.append({kind for kind, _ in climb(again, chosen)})
+            _, members = near.best(times)
+            resampled.append({kind for kind, _ in members})
+
         draws = len(resampled)
         found = {
             kind: EffectSupport(
-                rivals=tuple(k for k in score.variants if k in rivals[kind]),
+                rivals=tuple(k for k in candidates.variants if k in rivals[kind]),
                 inclusion=sum(kind in s for s in resampled) / draws,
                 support=sum(not own.isdisjoint(s) for s in resampled) / draws,
             )
@@ -221,32 +218,36 @@ def _family_of(kind: str, model: FitResult) -> set[str]:
     }
 
 
-def near_and_rivals(
-    score: Scorer, chosen: Members
-) -> tuple[set[str], dict[str, set[str]]]:
-    """Returns the effects to offer to resampled flights, and each member's rivals."""
-    kinds = {kind for kind, _ in chosen}
-    near = set(kinds)
-    best = score(chosen)
-    rivals: dict[str, set[str]] = {kind: set() for kind in kinds}
-    for other in (*score.larger(chosen), *score.swapped(chosen)):
-        kind = other[-1][0]
-        value = score(other)
-        if value > best - CLEAR:
-            near.add(kind)
-        lost = kinds - {k for k, _ in other}
-        if lost and value > best - RIVAL_GAP and kind not in kinds:
-            (gone,) = lost
-            rivals[gone].add(kind)
-    return near, rivals
+class Nearby:
+    """Sets of effects near that of a model, compared on any choice of its flights.
 
+    Farther away, errors of the linearization look like effects.
+    """
 
-def weakest(
-    weighed: dict[str, EffectSupport], evidence: dict[str, float]
-) -> str | None:
-    """Returns the effect of least evidence that too few resampled flights support."""
-    weak = [k for k, own in weighed.items() if own.support < LEAST_SUPPORT]
-    return min(weak, key=evidence.__getitem__, default=None)
+    def __init__(self, candidates: Candidates, grams: np.ndarray):
+        """Takes the flights' information on the candidates about the model."""
+        self._candidates = candidates
+        self._grams = grams
+        score = scorer_of(candidates, grams, np.ones(len(grams)))
+        self._chosen = score.by_first(candidates.model.kinds)
+        kinds = {kind for kind, _ in self._chosen}
+        #: Of each effect of the set, what would do as well in its place.
+        self.rivals: dict[str, set[str]] = {kind: set() for kind in kinds}
+        self._kinds = set(kinds)  # That are offered.
+        best = score(self._chosen)
+        for other in (*score.larger(self._chosen), *score.swapped(self._chosen)):
+            kind = other[-1][0]
+            value = score(other)
+            if value > best - CLEAR:
+                self._kinds.add(kind)
+            if kind not in kinds and value > best - RIVAL_GAP:
+                for gone in kinds - {k for k, _ in other}:
+                    self.rivals[gone].add(kind)
+
+    def best(self, counts: np.ndarray) -> tuple[Scorer, Members]:
+        """Returns the best set on flights that count so often, and its scorer."""
+        score = scorer_of(self._candidates, self._grams, counts)
+        return score, climb(score.among(self._kinds), self._chosen)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -257,12 +258,10 @@ class SearchResult:
     bare: FitResult  #: The model without any, fitted.
     evidence: dict[str, float]  #: Kind to the evidence lost without it [nats].
     weighed: dict[str, EffectSupport]  #: Kind to its support.
-    alone: dict[str, float]  #: Evidence as the only effect, to first order [nats].
-    #: Free function to the library's formula that explains it.
-    nearest: dict[str, str] = dataclasses.field(default_factory=dict)
+    names: dict[str, str]  #: By which effects are reported; others are not.
     #: Models of sets that are nearly as likely, and the evidence that they lack [nats].
     rivals: tuple[tuple[FitResult, float], ...] = ()
-    threshold: EvidenceThreshold  #: Of evidence, below which an effect is not taken.
+    threshold: float  #: Evidence of an effect beside others, at least [nats].
     #: The model as it was judged, along the measured attitude, if not as it is.
     forces: FitResult | None = None
 

@@ -1,46 +1,68 @@
-"""The search for effects: sets of the library, by their evidence.
+"""The search for effects: sets of the library, by evidence or by predictions.
 
 One loop over moves: all flights are made linear about the best model so far, better
 sets are proposed in closed form and fitted, until no move finds one. What resampled
-flights do not support is dropped, and the loop goes on without it.
+flights do not support is dropped, and the loop goes on without it. Where forces are
+unknown the best sets are those that predict held-out flights best.
 """
 
+import dataclasses
 from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from glider.physics.effects.families import FAMILIES
+from glider.physics.effects.families import FAMILIES, formulas_at
 from glider.progress import Progress, Step
-from glider.sysid.constants import CLEAR, FOLLOWED, RIVAL_GAP
-from glider.sysid.likelihood.candidates import Candidates
+from glider.sysid.constants import (
+    ALONG_ATTITUDE,
+    CLEAR,
+    EXPLAINED,
+    FOLLOWED,
+    HELD_OUT_THRESHOLD,
+    LEAST_SUPPORT,
+    MOSTLY,
+    RIVAL_GAP,
+    SLIGHT,
+)
+from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.model_fit import error_flights, fit_model
+from glider.sysid.likelihood.scale_fit import fit_scales
+from glider.sysid.likelihood.scales import NAMES, start_scales
 from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
-from glider.sysid.result import EvidenceThreshold
+from glider.sysid.result import UNEXPLAINED
 from glider.sysid.search import moves
-from glider.sysid.search.force_search import search_forces
-from glider.sysid.search.subsets import climb, scorer_of, threshold_of
-from glider.sysid.search.support import (
-    EffectSupport,
-    Search,
-    SearchResult,
-    near_and_rivals,
-    weakest,
-    weigh,
-)
+from glider.sysid.search.subsets import best_set, climb, scorer_of, threshold_of
+from glider.sysid.search.support import EffectSupport, Search, SearchResult, weigh
 
 _FIRST = ("best set",)  # Moves among effects that are new to the search.
+# Unknown parameters of a vehicle that barely show in the forces.
+_OF_MOMENT = ("pitch_inertia", "wing_offset")
+# Scales that are estimated from the forces: errors of the moment, whose formula is
+# rougher, must not turn the flights' axes or their winds.
+_OF_FORCES = ("wind", "trim", "pitch_zero")
+_ROUNDS = 4  # Of sets and strengths of errors that depend on each other.
 
 
 def trace(
     task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
 ) -> SearchResult:
-    """Finds the effects that the flights show."""
-    if not task.vehicle.knows_forces:
-        return search_forces(task, noise, rng, progress)
+    """Finds the effects that the flights show.
+
+    By their evidence; where forces are unknown, by predictions of held-out flights.
+    """
+    if task.vehicle.knows_forces:
+        return _trace_by_evidence(task, noise, rng, progress)
+    return _trace_by_predictions(task, noise, rng, progress)
+
+
+def _trace_by_evidence(
+    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
+) -> SearchResult:
     search = Search(task, progress)
     model = _searched(search, start_of(task, noise))
     progress(Step("weighing the effects", 0.76))
-    model, evidence, weighed = supported(search, model, rng)
+    model, evidence, weighed = _supported(search, model, rng)
     progress(Step("fitting the flat plate alone", 0.8))
     bare = search.fit(model.without(task, *model.kinds))
     return SearchResult(
@@ -48,10 +70,9 @@ def trace(
         bare=bare,
         evidence=evidence,
         weighed=weighed,
-        alone=search.alone,
-        nearest=moves.nearest_of(search, model),
-        rivals=rivals_of(search, model, weighed),
-        threshold=EvidenceThreshold(effect=threshold_of(task, "", model.kinds)),
+        names=_names_of(search, model, evidence),
+        rivals=_rivals_of(search, model, weighed),
+        threshold=threshold_of(task, "", model.kinds),
     )
 
 
@@ -64,17 +85,17 @@ def _searched(search: Search, model: FitResult) -> FitResult:
     early = without_late(task)
     # A formula's own free function would come before it.
     search.task = early.offering(early.kinds)
-    model = improved(search, model, _FIRST)
+    model = _improved(search, model, _FIRST)
     search.task = early
-    model = improved(search, model)
+    model = _improved(search, model)
     if early is task:
         return model
     search.task = task
-    late = improved(search, model, _FIRST)
-    return model if late is model else improved(search, late)
+    late = _improved(search, model, _FIRST)
+    return model if late is model else _improved(search, late)
 
 
-def rivals_of(
+def _rivals_of(
     search: Search, model: FitResult, weighed: Mapping[str, EffectSupport]
 ) -> tuple[tuple[FitResult, float], ...]:
     """Returns the fitted sets that lack little evidence, and how much [nats].
@@ -93,6 +114,7 @@ def rivals_of(
             others = climb(near.among(offered - {kind}), rest)
             if near(others) > near(members) - CLEAR:
                 search.fit(near.begin(others))
+
     found = []
     allowed = search.task.offered
     for kinds, other in search.fitted.items():
@@ -101,11 +123,57 @@ def rivals_of(
             lack = max(lack, 0.0)
         if kinds != own and 0.0 <= lack < RIVAL_GAP:
             found.append((other, lack))
+
     found.sort(key=lambda pair: (own.issubset(pair[0].kinds), pair[1]))
     return tuple(found[:FOLLOWED])
 
 
-def improved(
+def _names_of(
+    search: Search, model: FitResult, evidence: Mapping[str, float]
+) -> dict[str, str]:
+    """Returns the names by which the effects of a model are reported.
+
+    A formula has its own. Beside free functions it has none where it brings less than a
+    share `SLIGHT` of the evidence, as functions leave errors of that size; or than a
+    share `EXPLAINED` of that of one that bends it. A free function has the name of a
+    formula at its link which, in its place and beside those with a name, explains a
+    share `EXPLAINED` of what the function gains; or `MOSTLY` where it bends one of
+    these, of which it is a part otherwise. Else it is unexplained.
+    """
+    near = search.near(model) if model.free_kinds else None
+    if near is None:
+        return {kind: kind for kind in model.kinds}
+    shown = []
+    for kind in sorted(model.kinds, key=evidence.__getitem__, reverse=True):
+        bending = [f for f in model.free_kinds if kind in FAMILIES[f].bends]
+        least = max(
+            (EXPLAINED * evidence[function] for function in bending),
+            default=SLIGHT * sum(evidence.values()),
+        )
+        if evidence[kind] >= least:
+            shown.append(kind)
+    names = {kind: kind for kind in shown if kind not in FAMILIES}
+    own = dict(near.by_first(model.kinds))
+    slight = {*model.kinds} - FAMILIES.keys() - names.keys()
+    for function in shown:
+        if function not in FAMILIES:
+            continue
+        rest = tuple((k, v) for k, v in own.items() if k not in {function, *slight})
+        base = near.gain(rest)
+        whole = near.gain((*rest, (function, own[function]))) - base
+        options = near.among(formulas_at(function)).larger(rest)
+        best = max(options, key=near.gain, default=rest)
+        bent = FAMILIES[function].bends & names.keys()
+        share = MOSTLY if bent else EXPLAINED
+        if near.gain(best) - base > share * whole:
+            [*_, (names[function], _)] = best
+        else:
+            names[function] = max(bent, key=evidence.__getitem__, default=UNEXPLAINED)
+
+    return names
+
+
+def _improved(
     search: Search, model: FitResult, names: Collection[str] = moves.MOVES
 ) -> FitResult:
     """Returns the model that none of the moves betters."""
@@ -120,7 +188,7 @@ def improved(
     return model
 
 
-def supported(
+def _supported(
     search: Search, model: FitResult, rng: np.random.Generator
 ) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
     """Returns a model of effects that resampled flights support, and their support.
@@ -131,7 +199,7 @@ def supported(
     least: FitResult | None = None  # With the last effect that they did not support.
 
     def grown(model: FitResult) -> FitResult:
-        other = improved(search, model)
+        other = _improved(search, model)
         return other if least is None or search.prefers(other, least) else model
 
     while True:
@@ -140,30 +208,28 @@ def supported(
         if search.prefers(best, model):
             model = grown(best)
             continue
+
         weighed = weigh(search.task, model, rng)
-        evidence = _evidence_of(search.task, model, fewer)
-        weak = weakest(weighed, evidence)
-        if weak is None:
+        evidence = _evidence_of(model, fewer)
+        doubted = [k for k, own in weighed.items() if own.support < LEAST_SUPPORT]
+        if not doubted:
             return model, evidence, weighed
+        weak = min(doubted, key=evidence.__getitem__)
         task = search.task
         least = model
         search.task = task.offering(task.offered - {weak})
         model = grown(search.fit(model.without(task, weak)))
 
 
-def _evidence_of(
-    task: Task, model: FitResult, fewer: Mapping[str, FitResult]
-) -> dict[str, float]:
+def _evidence_of(model: FitResult, fewer: Mapping[str, FitResult]) -> dict[str, float]:
     """Returns the evidence lost without each effect, of models without them [nats].
 
-    By Wald's test where a model without one diverges.
+    Where one of these diverges it is at least as much as that of any other.
     """
     own = model.cost + model.freedom
     lost = {kind: m.cost + m.freedom - own for kind, m in fewer.items()}
-    if not np.all(np.isfinite([*lost.values()])):
-        shown = moves.shown_by(task, model)
-        lost = {k: v if np.isfinite(v) else shown[k] for k, v in lost.items()}
-    return lost
+    most = max(filter(np.isfinite, lost.values()), default=CLEAR)
+    return {kind: v if np.isfinite(v) else most for kind, v in lost.items()}
 
 
 def without_late(task: Task, kept: Collection[str] = ()) -> Task:
@@ -177,20 +243,84 @@ def without_late(task: Task, kept: Collection[str] = ()) -> Task:
     return task.offering(task.offered.difference(late).union(kept))
 
 
-def search_about(
-    candidates: Candidates, grams: np.ndarray, counts: np.ndarray
-) -> tuple[FitResult, list[int]]:
-    """Searches the effects of flights that count so often, in closed form.
+# Gliders of which little is known: forces come first, whatever the moment.
 
-    From the model's own set, among what is near it on all flights: farther away, errors
-    of the linearization look like effects.
 
-    Returns:
-        the model with their coefficients, all else as it is, and their columns.
+def _trace_by_predictions(
+    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
+) -> SearchResult:
+    """Finds the effects that the forces along the measured attitude show.
+
+    No formula of an unknown glider is right: what is left of the forces is an error
+    that persists, whose strength and time are estimated.
     """
-    score = scorer_of(candidates, grams, counts)
-    chosen = score.by_first(candidates.model.kinds)
-    evenly = scorer_of(candidates, grams, np.ones(len(grams)))
-    offered, _ = near_and_rivals(evenly, chosen)
-    members = climb(score.among(offered), chosen)
-    return score.begin(members), [c for _, variant in members for c in variant]
+    start = start_of(task, noise)
+    scales = dataclasses.replace(start.scales, **ALONG_ATTITUDE)
+    model = dataclasses.replace(start, scales=scales, has_force_errors=True)
+    tried: list[frozenset[str]] = []
+    for _ in range(_ROUNDS):
+        progress("searching for effects along the measured attitude")
+        candidates = gather(task, model)
+        grams = candidates.grams(model.scales)
+        score = scorer_of(candidates, grams, np.ones(len(grams)))
+        members = best_set(score)
+        model = _refit_forces(task, score.begin(members))
+        if frozenset(model.kinds) in tried:
+            break
+        tried.append(frozenset(model.kinds))
+
+    progress(Step("weighing the effects", 0.3))
+    weighed = weigh(task, model, rng)
+    bare = model
+    if model.kinds:
+        progress(Step("fitting the flat plate alone", 0.5))
+        bare = fit_model(task, model.without(task, *model.kinds), free_scales=())
+
+    progress(Step("fitting the moment", 0.53))
+    return SearchResult(
+        model=_with_moment(task, model, noise),
+        bare=_with_moment(task, bare, noise),
+        evidence=score.lost(members),
+        weighed=weighed,
+        names={kind: kind for kind in model.kinds},
+        threshold=HELD_OUT_THRESHOLD["effect"],
+        forces=model,
+    )
+
+
+def _refit_forces(task: Task, model: FitResult) -> FitResult:
+    """Returns a model fitted to the forces, and the errors that it leaves there."""
+    model = fit_model(task, model, free_scales=())
+    flights = error_flights(task, model)
+    scales = fit_scales(flights, model.scales, free=("air", "air_time")).scales
+    return dataclasses.replace(model, scales=scales)
+
+
+def _slots_of_moment(task: Task) -> set[int]:
+    """Returns the slots of unknowns that only the moment and the log show."""
+    found = {*task.space.places(_OF_MOMENT), *task.vehicle.of_log}
+    for kind in task.space.kinds.values():
+        if kind.unknown_without is not None:
+            found.update(task.space.slots_of(kind.kind))
+    return found
+
+
+def _with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
+    """Returns a model of forces with its moment fitted, and all scales."""
+    slots = _slots_of_moment(task)
+    free = tuple(i for i in task.vehicle.nuisance if i in slots)
+    kept = {name: getattr(model.scales, name) for name in _OF_FORCES}
+    scales = dataclasses.replace(start_scales(noise), **kept)
+    start = dataclasses.replace(model, free=free, scales=scales, has_force_errors=False)
+    others = [name for name in NAMES if name not in _OF_FORCES]
+    fitted = fit_model(task, start, free_scales=others)
+    return dataclasses.replace(fitted, free=model.free)
+
+
+def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
+    """Returns a model of which only the forces will be fitted, to other flights."""
+    kept = _slots_of_moment(task)
+    free = tuple(i for i in model.free if i not in kept)
+    return dataclasses.replace(
+        model, free=free, scales=forces.scales, has_force_errors=True
+    )

@@ -20,16 +20,16 @@ from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.constants import EVIDENCE_THRESHOLD, PRIOR_SCALES
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.fitted_functions import (
+    _variables_between,
     flown_values,
     make_functions,
-    variables_between,
 )
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model, with_functions
 from glider.sysid.outcome import model_of
-from glider.sysid.search.moves import nearest_of, renamed
+from glider.sysid.search.moves import _renamed
 from glider.sysid.search.support import Search
-from glider.sysid.search.tracing import improved
+from glider.sysid.search.tracing import _improved
 from tests.helpers.other_forms import FORMS
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -84,15 +84,13 @@ def test_functions_of_the_same_variables_have_their_own_gaussians(vent):
     wide = dataclasses.replace(function, widths=2.0 * function.widths)
     apart = dataclasses.replace(function, centers=function.centers + 0.1)
     flight = linearize(search.task.records[0], plate.theta, NO_GAUSSIANS)
-    found = with_functions(
-        flight, plate.theta, NO_GAUSSIANS, [function, wide, apart, function]
-    )
-    for own, added in zip(
-        (function, wide, apart, function), found.functions, strict=True
-    ):
-        [alone] = with_functions(flight, plate.theta, NO_GAUSSIANS, [own]).functions
-        np.testing.assert_array_equal(added.basis, alone.basis)
-    assert len({added.basis.tobytes() for added in found.functions}) == 3
+    functions = [function, wide, apart, function]
+    found = with_functions(flight, plate.theta, NO_GAUSSIANS, functions)
+    blocks = np.split(found.inputs[..., :-1], len(functions), axis=2)
+    for own, block in zip(functions, blocks, strict=True):
+        alone = with_functions(flight, plate.theta, NO_GAUSSIANS, [own])
+        np.testing.assert_array_equal(block, alone.inputs[..., :-1])
+    assert len({block.tobytes() for block in blocks}) == 3
 
 
 def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
@@ -118,9 +116,9 @@ def test_about_a_model_that_diverges_nothing_is_seen(vent):
 def test_the_function_is_the_vent(vent):
     """Of the right height and place; it blows upward alone."""
     search, plate = vent
-    found = improved(search, plate)
+    found = _improved(search, plate)
     assert found.kinds == ("air along z over x",)
-    assert renamed(search, found) is None and nearest_of(search, found) == {}
+    assert _renamed(search, found) is None
     (own,) = found.functions
     x = np.linspace(-2.6, -1.0, 161)[:, None]
     blown = own.gaussians(x) @ own.weights
@@ -131,7 +129,7 @@ def test_the_function_is_the_vent(vent):
 def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
     """Not a drag, nor moving air: it does not depend on the airspeed."""
     search, plate = searched(TOW, kinds=("thrust", "profile_drag", "mass", "wind"))
-    found = improved(search, plate)
+    found = _improved(search, plate)
     assert set(found.kinds) <= {"push over t", "thrust"}
     own = found.by_name["push over t"]
     t = np.array([0.03, 0.06, 0.3, 0.7])
@@ -146,7 +144,7 @@ def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
 def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha():
     """Neither drags nor a moment by the pitch rate, which stood in for it."""
     search, plate = searched(SHED, kinds=("added_mass", "inertia", "induced_drag"))
-    found = improved(search, plate)
+    found = _improved(search, plate)
     assert found.free_kinds == ("added mass over alpha",)
     assert set(found.kinds) <= {"added mass over alpha", "added_mass"}
     own = found.by_name["added mass over alpha"]
@@ -164,7 +162,7 @@ def test_a_glider_that_turns_over_is_backward_in_between():
     values = np.zeros((4, len(FLOW_VARIABLES)))
     values[:, 0] = [0.0, 1.0, 2.0, 4.0]
     values[:, FLOW_VARIABLES.index("alpha")] = [2.9, 3.1, -3.1, 3.0]
-    middle = variables_between(values)
+    middle = _variables_between(values)
     np.testing.assert_allclose(middle[:, 0], [0.5, 1.5, 3.0])
     alpha = middle[:, FLOW_VARIABLES.index("alpha")]
     np.testing.assert_allclose(np.cos(alpha), np.cos([3.0, np.pi, 3.0916]), atol=1e-4)
@@ -188,7 +186,7 @@ def test_a_stream_of_another_form_is_one_family_not_several_effects():
         weights={"tail_downwash": [0.15]},
     )
     search, plate = searched(bump, flights=8)
-    found = improved(search, plate)
+    found = _improved(search, plate)
     assert found.free_kinds == ("stream at the tail over alpha",)
     assert not set(found.kinds) - {*found.free_kinds, "downwash", "stalled_downwash"}
 
@@ -201,7 +199,7 @@ def test_a_damping_that_fades_with_alpha_is_a_function_of_two(tmp_path, monkeypa
     campaign, _ = draw(2, family="damping", count=1)
     task, noise = task_of(campaign)
     task = dataclasses.replace(task, kinds=("pitch_damping", "mass"))
-    found = improved(
+    found = _improved(
         Search(task, lambda text: None), fit_model(task, begin(task, noise))
     )
     assert "moment over alpha and reduced_rate" in found.free_kinds
@@ -301,7 +299,7 @@ def test_an_uneven_pitch_is_an_error_of_the_measured_pitch_alone(vent):
 def test_a_bent_floor_is_an_error_of_the_measured_height():
     campaign, _ = draw(302, family="sensor_position", count=1)
     task, noise = task_of(campaign)
-    found = improved(
+    found = _improved(
         Search(task, lambda text: None), fit_model(task, begin(task, noise))
     )
     assert "measured z over x and z" in found.free_kinds

@@ -100,7 +100,7 @@ def test_columns_of_free_functions_are_derivatives(task, term):
     record, theta, small = task.records[0], task.vehicle.theta, 1e-4
     one = np.ones((len(record.time) - 1, 1))
     flight = linearize(record, theta, NO_GAUSSIANS, terms=[term])
-    wide = flight.with_function(one, FREE_FUNCTIONS[term], np.eye(1))
+    wide = flight.with_columns([(FREE_FUNCTIONS[term], one)])
     one = FreeFunction(constant=True, weights={term: [small]})
     gaussians = gaussians_of([one])
     column, error = np.moveaxis(whiten(wide, SCALES).innovations, 2, 0)
@@ -122,7 +122,7 @@ def test_columns_of_a_reading_are_derivatives(task, term):
     )
     gaussians, flight = gaussians_of([data]), linearize(record, theta, NO_GAUSSIANS)
     basis = data.basis(record.nodes[:, [variable]])
-    wide = flight.with_function(basis, FREE_FUNCTIONS[term], np.eye(1))
+    wide = flight.with_columns([(FREE_FUNCTIONS[term], basis)])
     column, error = whitened(wide).T
     numeric = (error - whitened(linearize(record, theta, gaussians))[:, 0]) / small
     launch, _ = np.linalg.qr(whitened(of_launch(flight)))
@@ -209,7 +209,7 @@ def test_an_absent_effect_may_have_any_shape(task):
 
 
 def test_an_error_of_many_columns_is_that_of_each(task):
-    """Columns of forces are made late: their sum has to be the same before."""
+    """Those of free functions too."""
     space, rng = task.space, np.random.default_rng(0)
     columns = slopes(space, space.slots_of("attached_lift"))
     flight = linearize(
@@ -218,9 +218,8 @@ def test_an_error_of_many_columns_is_that_of_each(task):
     )
     for name in ("c_drag", "pose_pitch", "wind_z"):
         nodes = len(flight.by_air) + (name in SENSOR_TERMS)
-        basis = rng.normal(size=(nodes, 2))
-        mix = rng.normal(size=(2, 3))
-        flight = flight.with_function(basis, FREE_FUNCTIONS[name], mix)
+        values = rng.normal(size=(nodes, 3))
+        flight = flight.with_columns([(FREE_FUNCTIONS[name], values)])
     change = rng.normal(size=len(columns) + 9)
     whitened = whiten(flight, SCALES).innovations
     at_once = whiten(flight.combined(change), SCALES).innovations[..., 0]

@@ -8,11 +8,11 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.outliers import (
+    _mean_squares,
     _stand_out,
     find_extreme,
     find_outlying,
     find_unexplained,
-    mean_squares,
 )
 from tests.campaign.checks import breaking as b
 from tests.helpers.tasks import fit_kinds, fly, task_of
@@ -75,7 +75,7 @@ def test_flights_without_any_error_have_no_outliers(campaign, monkeypatch):
         monkeypatch.setattr(
             Candidates, "grams", lambda *a, share=share: share * grams(*a)
         )
-        assert np.isfinite(mean_squares(task, noise)).all()
+        assert np.isfinite(_mean_squares(task, noise)).all()
         assert find_outlying(task, noise) == {}
 
 

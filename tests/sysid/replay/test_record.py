@@ -13,7 +13,7 @@ from glider.physics.effects import NO_GAUSSIANS
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS
 from glider.sysid.constants import Z
-from glider.sysid.likelihood.filtering import rests, start_variances
+from glider.sysid.likelihood.filtering import _rests, start_variances
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.replay.log_space import vector_of
@@ -82,7 +82,7 @@ def test_commands_before_a_gap_that_hides_some_do_not_count(campaign):
     assert record.rest == flight.elevator[5]
     near = dataclasses.replace(record, rest=0.0)  # As if it were moving through there.
     scales = Scales(elevator=0.005, rest=1e-4)
-    assert not rests(near, scales) and all(rests(own, scales) for own in others)
+    assert not _rests(near, scales) and all(_rests(own, scales) for own in others)
     linear = linearize(near, vector_of(GliderModel()), NO_GAUSSIANS)
     launch = start_variances(linear, scales)
     assert np.sqrt(launch[OFFSET]) == pytest.approx(Z * Scales.elevator)

@@ -11,9 +11,8 @@ from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.constants import DRIFT_SPREAD
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.replay.vehicle import make_vehicle
+from glider.sysid.replay.vehicle import _DRIFT_SPREAD, make_vehicle
 
 DRAG = GliderModel(effects=(KINDS["profile_drag"](cd0=0.06),))
 
@@ -46,7 +45,7 @@ UNKNOWN = ("mass", "pitch_inertia", "wing_area", "elevator_area", "wing_offset")
 def test_a_full_nominal_model_leaves_the_clocks_alone_to_guess(campaign):
     vehicle = make_vehicle(campaign)
     assert vehicle.is_known and vehicle.nuisance == vehicle.of_log
-    assert set(vehicle.of_log.values()) == {CLOCK_STD, DRIFT_SPREAD}
+    assert set(vehicle.of_log.values()) == {CLOCK_STD, _DRIFT_SPREAD}
     assert not vehicle.notes
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import LIBRARY
+from glider.sysid.constants import HELD_OUT_THRESHOLD
 from glider.sysid.replay.replayed import trimmed
-from glider.sysid.search.force_search import _OF_FORCES, search_forces
-from glider.sysid.search.subsets import HELD_OUT, _held_out_threshold
+from glider.sysid.search.subsets import _held_out_threshold
+from glider.sysid.search.tracing import _OF_FORCES, trace
 from tests.helpers.lifelike import draw_throws
 from tests.helpers.tasks import task_of
 
@@ -34,7 +35,7 @@ def traced(throws, request):
         few = tuple(kind for kind in task.kinds if kind in FEW)
         task = dataclasses.replace(task, kinds=few)
     rng = np.random.default_rng(0)
-    return task, search_forces(task, noise, rng, lambda text: None), truth
+    return task, trace(task, noise, rng, lambda text: None), truth
 
 
 @pytest.mark.slow
@@ -42,7 +43,8 @@ def test_what_every_throw_has_is_named(traced):
     _, found, truth = traced
     assert set(truth.named(found.model.kinds)) == {e.name for e in truth.effects}
     assert truth.wrong(found.model.kinds) == ()
-    assert all(found.evidence[kind] > HELD_OUT.effect for kind in found.model.kinds)
+    least = HELD_OUT_THRESHOLD["effect"]
+    assert all(found.evidence[kind] > least for kind in found.model.kinds)
 
 
 @pytest.mark.slow
@@ -68,11 +70,10 @@ def test_the_moment_leaves_the_forces_and_the_flights_axes_alone(traced):
 
 def test_an_effect_that_needs_a_cause_costs_more(throws):
     task, *_ = throws
-    assert _held_out_threshold(task, "camber") == HELD_OUT.effect
-    assert _held_out_threshold(task, "thrust") == HELD_OUT.effect + HELD_OUT.uncommon
-    assert _held_out_threshold(task, "marker_offset") == (
-        HELD_OUT.effect + HELD_OUT.coefficient + HELD_OUT.uncommon
-    )
+    least, further, uncommon = HELD_OUT_THRESHOLD.values()
+    assert _held_out_threshold(task, "camber") == least
+    assert _held_out_threshold(task, "thrust") == least + uncommon
+    assert _held_out_threshold(task, "marker_offset") == least + further + uncommon
 
 
 def test_an_unknown_tails_trim_is_a_moment_alone(throws):

@@ -5,9 +5,9 @@ import types
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.task import start_of
-from glider.sysid.search.moves import MOVES, _pruned, _with_another, one_less, reshaped
+from glider.sysid.search.moves import MOVES, _pruned, _reshaped, _with_another, one_less
 from glider.sysid.search.support import Search
-from glider.sysid.search.tracing import improved
+from glider.sysid.search.tracing import _improved
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import fly, task_of
 
@@ -27,7 +27,7 @@ def test_a_tilted_frame_is_no_turned_pitch_with_a_thrust():
     offered = ("frame_tilt", "pitch_offset", "thrust")
     search, plate = search_among(KINDS["frame_tilt"](angle=0.02), *offered)
     pair = kinds_fitted(search, plate, "pitch_offset", "thrust")
-    found = improved(search, pair)
+    found = _improved(search, pair)
     assert found.kinds == ("frame_tilt",)
     assert search.penalized_cost(found) < search.penalized_cost(pair)
 
@@ -49,7 +49,7 @@ def test_a_stall_is_found_behind_three_that_imitate_it():
     search = Search(task, lambda text: None)
     start = start_of(task, noise)
     model = search.fit(start.with_kinds(task, imitate, start.theta))
-    found = improved(search, model)
+    found = _improved(search, model)
     assert found.kinds == ("attached_lift",)
     assert all(move(search, found) is None for move in MOVES.values())
 
@@ -61,7 +61,7 @@ def test_a_second_drag_is_found_behind_the_first():
     search = Search(task, lambda text: None)
     start = start_of(task, noise)
     model = search.fit(start.with_kinds(task, ("profile_drag",), start.theta))
-    found = improved(search, model)
+    found = _improved(search, model)
     assert set(found.kinds) == {"profile_drag", "induced_drag"}
 
 
@@ -70,11 +70,11 @@ def test_a_stall_that_a_fit_did_not_reach_is_found_from_where_there_is_none():
     theta, slots = plate.theta.copy(), search.task.space.slots_of("attached_lift")
     theta[list(slots)] = 0.2, 0.9, 0.2  # Slope, and a stall that no flight reached.
     trapped = search.fit(plate.with_kinds(search.task, ("attached_lift",), theta))
-    found = reshaped(search, trapped)
+    found = _reshaped(search, trapped)
     assert found is not None and found.kinds == trapped.kinds
     assert search.penalized_cost(found) < search.penalized_cost(trapped) - 50.0
     assert search.fit(trapped) is found  # The better one of the set is kept,
-    assert reshaped(search, found) is None
+    assert _reshaped(search, found) is None
     assert search.fit(trapped, again=True) is found  # whatever is fitted again.
 
 
