@@ -317,10 +317,11 @@ def covariance_of(task: Task, known: Uncertainty) -> Covariance | None:
     """Covariance of all fitted parameters of the corrected glider; None without any.
 
     Those are the effects' coefficients and the unknown parameters of the vehicle. Of
-    flight-to-flight variation only the mean is included.
+    flight-to-flight variation only the mean is included. A model that diverges on a
+    flight has none.
     """
     matrix, freedom = known.covariance
     names = tuple(task.space.names[slot] for slot in known.named)
-    if not names:
+    if not names or not np.all(np.isfinite(matrix)):
         return None
     return Covariance(names=names, matrix=matrix, degrees_of_freedom=freedom)
