@@ -118,8 +118,7 @@ def save_figure(path: Path, study: PerchStudy) -> None:
     plan = study.plan
     figure = Figure(figsize=(9.5, 5.6), layout="constrained")
     top, bottom = figure.subplots(2, 1, height_ratios=[3, 2])
-    obstacles = study.problem.obstacles
-    program.plot_perches(top, plan, study.flights, study.blind, obstacles=obstacles)
+    program.plot_perches(top, plan, study.flights, study.blind)
     for flight in study.flights:
         elevator = np.degrees(flight.states[:, 3])
         bottom.plot(flight.times, elevator, color="#0072B2", lw=0.7, alpha=0.5)
@@ -136,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--problem",
         default="perching",
-        help="problem file, or the name of one in models/problems (perching_pole)",
+        help="problem file, or the name of one in models/problems (perching_hook)",
     )
     args = program.read_options(parser, arguments, figure="paths, as PNG")
     problem = PerchingProblem.load(args.problem)
@@ -147,7 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     program.write_figure(args, save_figure, flown)
     worst = playback.track_of("worst launch", flown.flights.worst)
     planned = playback.track_of("plan", flown.plan, playback.GREY)
-    program.show(args, [worst, planned], "Perch", obstacles=problem.obstacles)
+    program.show(args, [worst, planned], "Perch")
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from glider.physics.parameters import GliderParameters
     from glider.planning.dircol import plan
     from glider.planning.plan import Plan
-    from glider.planning.problem import Obstacle, PerchingProblem
+    from glider.planning.problem import PerchingProblem
     from glider.planning.program import perching_program
     from glider.propagation import propagate
     from glider.report.folder import write_report

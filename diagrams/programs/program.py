@@ -28,7 +28,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
-from matplotlib.patches import Circle
 from pydrake.geometry import Meshcat
 from rich.console import Console
 
@@ -45,7 +44,7 @@ from glider.files.writing import write_text
 from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError
 from glider.planning.plan import Plan
-from glider.planning.problem import Hook, Obstacle
+from glider.planning.problem import Hook
 from glider.progress import Progress as Progress
 from glider.progress import silent as silent
 from glider.simulation.flown_flights import FlownFlight
@@ -229,7 +228,6 @@ def plot_perches(
     replayed: Iterable[FlownFlight] = (),
     wire: tuple[float, float] = (0.0, 0.0),
     color: str = "#0072B2",
-    obstacles: Sequence[Obstacle] = (),
 ) -> None:
     """Draws paths to the wire in the vertical plane, one scale on both axes.
 
@@ -240,7 +238,6 @@ def plot_perches(
         replayed: flights without.
         wire: (x, z) [m]; a ring shows the reach of the article's hook.
         color: of the flights with feedback.
-        obstacles: filled circles, with a dotted one at the clearance.
     """
     groups = (
         (replayed, "#D55E00", "without feedback"),
@@ -256,11 +253,6 @@ def plot_perches(
     reach = Hook().reach
     ring = np.array(wire)[:, None] + reach * np.array([np.cos(angle), np.sin(angle)])
     ax.plot(*ring, color="k", lw=1.0, label=f"{100 * reach:.0f} cm of the wire")
-    for obstacle in obstacles:
-        x, z = obstacle.center
-        ax.add_patch(Circle((x, z), obstacle.radius, color="0.5"))
-        far = obstacle.radius + obstacle.clearance
-        ax.add_patch(Circle((x, z), far, fill=False, ls=":"))
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xlabel="x [m]", ylabel="z [m]")
     ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
@@ -306,7 +298,6 @@ def show(
     *,
     parameters: GliderParameters | None = None,
     has_wire: bool = True,
-    obstacles: Sequence[Obstacle] = (),
 ) -> None:
     """Plays tracks in Meshcat as the options say.
 
@@ -316,12 +307,11 @@ def show(
         title: of the page.
         parameters: as in `play`.
         has_wire: whether the flights go to a wire.
-        obstacles: that they keep clear of.
     """
     meshcat = start_meshcat(args)
     if meshcat is not None:
         wire = (0.0, 0.0) if has_wire else None
-        stage = stage_of(tracks[0], wire, obstacles)
+        stage = stage_of(tracks[0], wire)
         play(tracks, meshcat, rate=args.rate, parameters=parameters, stage=stage)
     finish(args, meshcat, tracks, title)
 

@@ -28,9 +28,8 @@ Checks the certificate of a funnel: that its flight leads from a problem's launc
 its wire; at each of its times, in exact arithmetic, that V falls on the boundary and
 that the servo stays within its limits; and that it ends in the goal. No solver and no
 plan are used: the file holds everything, the glider included. --model compares that
-with your glider; --problem names another problem than the article's, one without
-obstacles, as those are not proven. --hook also requires that the hook accepts every
-state of the last set, by speed and pitch.
+with your glider; --problem names another problem than the article's. --hook also
+requires that the hook accepts every state of the last set, by speed and pitch.
 
 This check applies to the third-order Taylor polynomials of the dynamics, with a bound
 on their remainder; between the times V is sampled in floating point. --prove proves it

@@ -221,17 +221,13 @@ def _launch_faults(funnel, problem):
 def _path_faults(funnel, problem):
     """Returns where a nominal flight leaves what a problem demands of its path.
 
-    The elevator's travel is the servo's, and proven. Obstacles are refused: the
-    funnel's sets are not compared with them.
+    The elevator's travel is the servo's, and proven.
     """
     states = funnel.nominal.states
     faults = []
     for bound in constraints_of(problem).path:
         faults += _beyond("The flight passes", bound, states[:, bound.state])
-    fault = (
-        "The problem has obstacles; that a funnel keeps clear of them is not proven."
-    )
-    return faults + unmet((not problem.obstacles, fault))
+    return faults
 
 
 def _beyond(words: str, bound: Bound, values: np.ndarray) -> list[str]:
