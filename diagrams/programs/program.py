@@ -1,14 +1,12 @@
-"""Steps that all examples take: options, progress, key figures, a page to look at.
+"""Steps that all examples take: options, progress, a page to look at.
 
 def main(arguments=None):
     parser = make_parser(__doc__)
     add_launches(parser, 20)
-    args = read_options(parser, arguments, figure="paths, as PNG")
-    with working("plan (compiles once)") as progress:
-        flown = fly(args.launches, args.seed, progress)
-    write_json(args, flown.key_figures())
-    write_figure(args, save_perch_figure, flown.plan, flown.flights)
-    show(args, tracks, title)
+    args = read_options(parser, arguments, json=False)
+    with working("plan (compiles once)"):
+        planned = plan(GliderModel())
+    show(args, [track_of("plan", planned)], "A plan")
 
 if __name__ == "__main__":
     sys.exit(run(main))
@@ -103,44 +101,38 @@ def add_campaign(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("campaign", nargs="?", type=Path, default=sample, help=words)
 
 
-def _add_options(parser: argparse.ArgumentParser) -> None:
-    """Adds --json, --html, --rate and --headless."""
-    add_file(parser, "--json", "where to write the key figures")
-    page = "where to write the animation, a page that needs no server"
-    add_file(parser, "--html", page)
-    parser.add_argument(
-        "--rate",
-        metavar="R",
-        type=_rate,
-        default=0.25,
-        help="of the animation: 1 is real time, 0.25 (the default) four times slower",
-    )
-    parser.add_argument(
-        "--headless", action="store_true", help="without --html show no animation"
-    )
-
-
 def read_options(
     parser: argparse.ArgumentParser,
     arguments: Sequence[str] | None,
     *,
     figure: str | None = None,
+    json: bool = True,
 ) -> argparse.Namespace:
-    """Adds --json, --html, --rate and --headless; reads all and checks the files.
+    """Adds --html, --rate and --headless; reads all options and checks the files.
 
     Args:
         parser: with an example's own options.
         arguments: of the command line; None for those of the process.
         figure: help of --figure, which an example without a picture lacks.
+        json: whether there is --json, for `write_json`.
 
     Raises:
         InputError: a file cannot be written.
     """
+    files = {"--html": "where to write the animation, a page that needs no server"}
+    if json:
+        files["--json"] = "where to write the key figures"
     if figure is not None:
-        add_file(parser, "--figure", figure)
-    _add_options(parser)
+        files["--figure"] = figure
+    for name, words in files.items():
+        add_file(parser, name, words)
+    words = "of the animation: 1 is real time, 0.25 (the default) four times slower"
+    parser.add_argument("--rate", metavar="R", type=_rate, default=0.25, help=words)
+    words = "without --html show no animation"
+    parser.add_argument("--headless", action="store_true", help=words)
     args = parser.parse_args(arguments)
-    check_files(args.json, args.html, figure=args.figure if figure else None)
+    picture = getattr(args, "figure", None)
+    check_files(getattr(args, "json", None), args.html, figure=picture)
     return args
 
 

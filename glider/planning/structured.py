@@ -8,6 +8,7 @@ second to build the program and longer to solve it.
 
 import dataclasses
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
@@ -30,6 +31,9 @@ _STRETCH = 1.4
 """Duration of the straight lines to start from, relative to those of `straight_line`: a
 slow flight has margin to brake, and of fast launches' minima it is the better one that
 is found."""
+
+_FEW = 25
+"""Knots that show whether there is a plan."""
 
 COARSE_TOLERANCE = 1e-2
 """Tolerance of a solution that only leads on to more knots."""
@@ -221,3 +225,16 @@ def solve_from_guess(
     free = solve(guess, arrive=False)
     again = solve(free) if free.solved else flight
     return again if again.solved else flight
+
+
+def can_perch(
+    model: GliderModel, problem: PerchingProblem, launch: Sequence[float]
+) -> bool:
+    """Determines whether our own solver finds a plan from a launch (7,) to the wire.
+
+    Raises:
+        InputError: the launch is no state.
+        UncompilableError: a formula is not of what numba compiles.
+    """
+    own = dataclasses.replace(problem, launch=list(launch))
+    return solve_from_guess(model, own, _FEW, slow_line(model, own)).solved
