@@ -14,9 +14,11 @@ import argparse
 
 import numpy as np
 
-from examples.replan import COMMAND_RATE, CONTROLLERS, corrected_model, race
+from examples.perch_corrected import rehearse
+from examples.replan import COMMAND_RATE, CONTROLLERS, race
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
+from glider.sysid.pipeline import close_the_loop
 
 TRUTHS = (
     "head_wind",
@@ -50,10 +52,13 @@ def main(
     print("|---|---|" + "---|" * len(columns))
     for name in truths:
         truth = GliderModel.load(name)
-        corrected = corrected_model(truth, FLIGHTS, np.random.default_rng(0))
+        drawn = GliderModel(parameters=truth.parameters)
+        rng = np.random.default_rng(0)
+        starts = problem.draw_launches(FLIGHTS, rng)
+        _, logged = rehearse(truth, drawn, problem, starts, rng)
+        corrected = close_the_loop(logged.campaign).model
         models = {"corrected": corrected}
         if not estimated:
-            drawn = GliderModel(parameters=truth.parameters)
             models = {"drawn": drawn, "corrected": corrected}
         for label, model in models.items():
             cells = {controller: [] for controller in CONTROLLERS}
@@ -62,10 +67,10 @@ def main(
                 rng = np.random.default_rng([1, times])
                 starts = problem.draw_launches(launches, rng, scale=times)
                 unsure = times if estimated else None
-                raced = race(truth, model, problem, starts, unsure=unsure)
-                took.append(raced.seconds)
-                failures += raced.failures
-                for controller, flown in raced.flights.items():
+                _, flights, plans = race(truth, model, problem, starts, unsure=unsure)
+                took.append(np.array([again.seconds for again in plans]))
+                failures += sum(again.failed for again in plans)
+                for controller, flown in flights.items():
                     cells[controller].append(flown)
             row = [
                 f"{', '.join(str(f.perched) for f in flown)} "

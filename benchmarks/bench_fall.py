@@ -59,7 +59,8 @@ def of_one_plan(name: str, seed: int = 0) -> Campaign:
     problem, rng = PerchingProblem(), np.random.default_rng(seed)
     starts, truth = problem.draw_launches(10, rng), GliderModel.load(name)
     nominal = GliderModel(parameters=truth.parameters)
-    return rehearse(truth, nominal, problem, starts, rng).flights.campaign
+    _, flights = rehearse(truth, nominal, problem, starts, rng)
+    return flights.campaign
 
 
 def motions_of(campaign: Campaign) -> list[Motion]:

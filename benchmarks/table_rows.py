@@ -5,10 +5,11 @@ import numpy as np
 import learn_residual
 from benchmarks import bench_latency
 from benchmarks.tables import Table
-from examples import perch_corrected
+from examples.perch_corrected import rehearse
 from glider.campaign.reader import load_campaign
 from glider.campaign.samples import sample_names
 from glider.physics.model import GliderModel
+from glider.planning.problem import PerchingProblem
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
 from residual_study import learn_residuals
@@ -46,12 +47,18 @@ def sample_row(name: str) -> list[str]:
 def perch_row(name: str) -> list[str]:
     """Perches of a glider before and after its logs are traced; seed 0."""
     truth = GliderModel.load(name)
-    flown = perch_corrected.fly(truth, launches=100, seed=0)
-    cells = [f"`{name}`", effects_of(flown.found)]
-    for rehearsal in (flown.before, flown.after):
-        perched = int(np.sum(rehearsal.flights.perched))
-        miss = float(np.median(rehearsal.flights.misses))
-        cells += [f"{perched} of 100", millimeters(miss)]
+    problem = PerchingProblem()
+    rng = np.random.default_rng(0)
+    nominal = GliderModel(parameters=truth.parameters)
+    starts = problem.draw_launches(100, rng)
+    _, before = rehearse(truth, nominal, problem, starts, rng)
+    found = close_the_loop(before.campaign)
+    starts = problem.draw_launches(100, rng)
+    _, after = rehearse(truth, found.model, problem, starts, rng)
+    cells = [f"`{name}`", effects_of(found)]
+    for flights in (before, after):
+        miss = float(np.median(flights.misses))
+        cells += [f"{flights.perched} of 100", millimeters(miss)]
     return cells
 
 

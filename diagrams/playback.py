@@ -20,7 +20,6 @@ from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import POSITION
 from glider.planning.plan import Plan
-from glider.planning.problem import Obstacle
 from glider.simulation.flown_flights import INSTANT, FlownFlight
 from glider.simulation.refly import Motion
 
@@ -106,11 +105,7 @@ def track_of(
     )
 
 
-def stage_of(
-    track: Track,
-    wire: tuple[float, float] | None = (0.0, 0.0),
-    obstacles: Sequence[Obstacle] = (),
-) -> Stage:
+def stage_of(track: Track, wire: tuple[float, float] | None = (0.0, 0.0)) -> Stage:
     """Returns a stage with a whole flight in view, and the wire if there is one."""
     places = [*track.poses[:, :2], *([] if wire is None else [np.array(wire)])]
     left, low = np.min(places, axis=0)
@@ -119,7 +114,6 @@ def stage_of(
         wire=wire,
         x_limits=(float(left) - 0.4, float(right) + 0.6),
         z_limits=(float(low) - 0.6, float(high) + 0.4),
-        obstacles=obstacles,
     )
 
 

@@ -33,7 +33,6 @@ from diagrams.overlays import add_overlays
 from diagrams.urdf import make_urdf
 from glider.paths import models_path
 from glider.physics.parameters import GliderParameters
-from glider.planning.problem import Obstacle
 
 FRAMES_PER_SECOND = 64.0
 """Rate of what Meshcat shows and records, in simulated time [1/s]; as Meshcat's own."""
@@ -55,9 +54,6 @@ class Stage:
 
     z_limits: tuple[float, float] = (-0.7, 0.9)
     """Bounds of z in view; the floor is at the lower one [m]."""
-
-    obstacles: Sequence[Obstacle] = ()
-    """Obstacles that the flight keeps clear of."""
 
 
 def AddScene(
@@ -155,9 +151,6 @@ def SetStage(meshcat: Meshcat, stage: Stage) -> None:
     meshcat.Delete("perch")
     if stage.wire is not None:
         _set_perch(meshcat, stage.wire, floor)
-    meshcat.Delete("obstacles")
-    for number, obstacle in enumerate(stage.obstacles):
-        _set_obstacle(meshcat, obstacle, f"obstacles/{number}")
     camera, target = camera_of(stage)
     perspective = Meshcat.PerspectiveCamera()
     perspective.fov = _FIELD_OF_VIEW
@@ -200,7 +193,9 @@ def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:
     steel = Rgba(0.75, 0.1, 0.1)
     wood = Rgba(0.55, 0.45, 0.35)
     meshcat.SetObject("perch/wire", Cylinder(0.008, _WIRE_SPAN), steel)
-    meshcat.SetTransform("perch/wire", _lie_along_y(wire))
+    # A cylinder lies across the plane of flight.
+    across = RollPitchYaw(0.5 * math.pi, 0.0, 0.0).ToRotationMatrix()
+    meshcat.SetTransform("perch/wire", RigidTransform(across, [x, 0.0, z]))
     height = max(z - floor, 0.01)
     for name, side in (("near", -0.5), ("far", 0.5)):
         meshcat.SetObject(f"perch/{name}", Cylinder(0.015, height), wood)
@@ -210,16 +205,3 @@ def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:
         meshcat.SetTransform(f"perch/{name}", middle)
         foot = RigidTransform([x, y, z - height + 0.01])
         meshcat.SetTransform(f"perch/{name}_foot", foot)
-
-
-def _set_obstacle(meshcat: Meshcat, obstacle: Obstacle, path: str) -> None:
-    cylinder = Cylinder(obstacle.radius, _WIRE_SPAN)
-    meshcat.SetObject(path, cylinder, Rgba(0.45, 0.45, 0.5, 0.8))
-    meshcat.SetTransform(path, _lie_along_y(obstacle.center))
-
-
-def _lie_along_y(place: Sequence[float]) -> RigidTransform:
-    """Returns the pose of a cylinder across the plane of flight at (x, z) [m]."""
-    x, z = place
-    rotation = RollPitchYaw(0.5 * math.pi, 0.0, 0.0).ToRotationMatrix()
-    return RigidTransform(rotation, [x, 0.0, z])

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Context, Diagram, EventStatus
+from pydrake.systems.framework import Context, Diagram, EventStatus, System
 
-from diagrams.wiring import LONGEST, tape_rows
+from diagrams.loops import LONGEST, tape_rows
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.campaign.motion_capture import MotionCapture
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.physics.held_commands import latest_command
 from glider.physics.state import NUM_STATES, POSE_NAMES, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
@@ -25,7 +25,6 @@ def simulate_flights(
     duration: float,
     *,
     problem: PerchingProblem | None = None,
-    feedback_noise: np.ndarray | None = None,
     capture_noise: np.ndarray | np.random.Generator | None = None,
     accuracy: float = 1e-6,
     progress: Progress | None = None,
@@ -44,9 +43,8 @@ def simulate_flights(
         starts: (B, 7), the effects' own states at rest, or (B, n).
         duration: of the flights [s]; the plan's and what it takes to pass the
             wire, `glider.simulation.fly.AFTER`. With noise at most
-            `diagrams.wiring.LONGEST`.
+            `diagrams.loops.LONGEST`.
         problem: whose wire and hook; None for the article's.
-        feedback_noise: (B, H, m) one row for each command.
         capture_noise: (B, R, 4) of pose and elevator, one row for each sample; or
             what draws it, with the deviations of `MotionCapture`.
         accuracy: of the integrator.
@@ -58,22 +56,13 @@ def simulate_flights(
     simulator.set_monitor(stop_at_hook(diagram, problem))
     config = SimulatorConfig(accuracy=accuracy, **_CONFIG)
     if isinstance(capture_noise, np.random.Generator):
-        capture_noise = draw_capture(diagram, len(starts), capture_noise)
-    tapes = {"feedback_noise": feedback_noise, "motion_capture": capture_noise}
-    for name, tape in tapes.items():
-        if tape is None:
-            continue
-        if not diagram.HasSubsystemNamed(name) or len(tape) != len(starts):
-            raise InputError(
-                f"Noise for '{name}' is given for {len(tape)} flights; expected a "
-                f"diagram with that system and one tape for each of {len(starts)} "
-                "flights."
-            )
-        if duration > LONGEST:
-            raise InputError(
-                f"Noise for '{name}' lasts {LONGEST:g} s and the flights last "
-                f"{duration:g} s; at most {LONGEST:g} s are possible."
-            )
+        capture_noise = _draw_capture(diagram, len(starts), capture_noise)
+    if capture_noise is not None:
+        tapes = len(capture_noise)
+        what = "the number of tapes of noise"
+        expect(tapes == len(starts), what, tapes, f"{len(starts)}, as of flights")
+        what = "the duration of flights with noise"
+        expect(duration <= LONGEST, what, duration, f"at most {LONGEST:g} s")
     flights = []
     for k, start in enumerate(starts):
         if progress:
@@ -81,32 +70,36 @@ def simulate_flights(
         ApplySimulatorConfig(config, simulator)  # No step size of the last flight.
         context = simulator.get_mutable_context()
         reset(diagram, context, start)
-        for name, tape in tapes.items():
-            if tape is not None:
-                system = diagram.GetSubsystemByName(name)
-                own = diagram.GetMutableSubsystemContext(system, context)
-                system.set_tape(own, tape[k])
+        if capture_noise is not None:
+            capture = _capture_of(diagram)
+            own = diagram.GetMutableSubsystemContext(capture, context)
+            capture.set_tape(own, capture_noise[k])
         simulator.Initialize()
         simulator.AdvanceTo(duration)
         flights.append(_collect(diagram, context, problem, f"flight_{k:03d}.csv"))
     return Perches(flights, _campaign(diagram, flights))
 
 
-def draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.ndarray:
+def _draw_capture(diagram: Diagram, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draws the noise of a diagram's motion capture for some flights, (count, R, 4).
 
     The deviations are the property `measured_std` of the filter that gets what is
     captured, such as an `ExtendedKalmanFilter`; otherwise those of `MotionCapture`.
     """
-    if not diagram.HasSubsystemNamed("motion_capture"):
-        raise InputError("Noise is drawn for a motion capture; the diagram has none.")
-    rate = diagram.GetSubsystemByName("motion_capture").rate
+    rate = _capture_of(diagram).rate
     std = MotionCapture().std
     if diagram.HasSubsystemNamed("estimator"):
         estimator = diagram.GetSubsystemByName("estimator")
         given = getattr(estimator, "measured_std", ())
         std[: len(given)] = given
     return rng.normal(size=(count, tape_rows(rate), 4)) * std
+
+
+def _capture_of(diagram: Diagram) -> System:
+    """Returns the motion capture that noise is for."""
+    if not diagram.HasSubsystemNamed("motion_capture"):
+        raise InputError("Noise is that of a motion capture; the diagram has none.")
+    return diagram.GetSubsystemByName("motion_capture")
 
 
 def _campaign(diagram: Diagram, flights: Sequence[FlownFlight]) -> Campaign | None:
@@ -181,11 +174,11 @@ def _collect(
     _, forces = _read(diagram, context, "force_log")
     log = None
     if diagram.HasSubsystemNamed("capture_log"):
-        log = capture_of(diagram, context, name)
+        log = _log_of(diagram, context, name)
     return hooked(times, states, problem, forces=forces[:, :2], log=log)
 
 
-def capture_of(diagram: Diagram, context: Context, name: str) -> Flight:
+def _log_of(diagram: Diagram, context: Context, name: str) -> Flight:
     """Returns the flight that motion capture has logged, for a campaign.
 
     A row's command is in force from its time on, within the servo's rate limit. The

@@ -11,7 +11,6 @@ from glider.lazy import attach
 if TYPE_CHECKING:
     import glider.funnels as funnels
     import glider.physics.effects as effects
-    import glider.planning.reach as reach
     import glider.simulation.refly as refly
     import glider.throws as throws
     from glider.campaign.importing.campaign_import import import_campaign
@@ -24,9 +23,9 @@ if TYPE_CHECKING:
     from glider.physics.parameters import GliderParameters
     from glider.planning.dircol import plan
     from glider.planning.plan import Plan
-    from glider.planning.problem import Obstacle, PerchingProblem
+    from glider.planning.problem import PerchingProblem
     from glider.planning.program import perching_program
-    from glider.propagation import propagate
+    from glider.planning.structured import can_perch
     from glider.report.folder import write_report
     from glider.report.terminal import print_summary
     from glider.simulation.campaigns import CampaignPlan

@@ -38,7 +38,7 @@ OF_CI = ("make test", "make lint docs tables proofs benchmark")
 
 FASTER = {
     "python examples/perch_corrected.py": "--launches 3",
-    "python examples/perching_funnel.py": "--samples 80 --every 1000",
+    "python examples/perching_funnel.py": "--samples 80",
 }
 """Options that make an example shorter: by default it flies hundreds of launches."""
 

@@ -11,6 +11,5 @@ from glider.lazy import attach
 
 if TYPE_CHECKING:
     import diagrams.programs.program as program
-    from diagrams.programs.lab.simulated import fly_session
 else:
     __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,14 +1,12 @@
-"""Steps that all examples take: options, progress, key figures, a page to look at.
+"""Steps that all examples take: options, progress, a page to look at.
 
 def main(arguments=None):
     parser = make_parser(__doc__)
     add_launches(parser, 20)
-    args = read_options(parser, arguments, figure="paths, as PNG")
-    with working("plan (compiles once)") as progress:
-        flown = fly(args.launches, args.seed, progress)
-    write_json(args, flown.key_figures())
-    write_figure(args, save_perch_figure, flown.plan, flown.flights)
-    show(args, tracks, title)
+    args = read_options(parser, arguments, json=False)
+    with working("plan (compiles once)"):
+        planned = plan(GliderModel())
+    show(args, [track_of("plan", planned)], "A plan")
 
 if __name__ == "__main__":
     sys.exit(run(main))
@@ -28,7 +26,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
-from matplotlib.patches import Circle
 from pydrake.geometry import Meshcat
 from rich.console import Console
 
@@ -45,7 +42,7 @@ from glider.files.writing import write_text
 from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError
 from glider.planning.plan import Plan
-from glider.planning.problem import Hook, Obstacle
+from glider.planning.problem import Hook
 from glider.progress import Progress as Progress
 from glider.progress import silent as silent
 from glider.simulation.flown_flights import FlownFlight
@@ -104,44 +101,38 @@ def add_campaign(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("campaign", nargs="?", type=Path, default=sample, help=words)
 
 
-def _add_options(parser: argparse.ArgumentParser) -> None:
-    """Adds --json, --html, --rate and --headless."""
-    add_file(parser, "--json", "where to write the key figures")
-    page = "where to write the animation, a page that needs no server"
-    add_file(parser, "--html", page)
-    parser.add_argument(
-        "--rate",
-        metavar="R",
-        type=_rate,
-        default=0.25,
-        help="of the animation: 1 is real time, 0.25 (the default) four times slower",
-    )
-    parser.add_argument(
-        "--headless", action="store_true", help="without --html show no animation"
-    )
-
-
 def read_options(
     parser: argparse.ArgumentParser,
     arguments: Sequence[str] | None,
     *,
     figure: str | None = None,
+    json: bool = True,
 ) -> argparse.Namespace:
-    """Adds --json, --html, --rate and --headless; reads all and checks the files.
+    """Adds --html, --rate and --headless; reads all options and checks the files.
 
     Args:
         parser: with an example's own options.
         arguments: of the command line; None for those of the process.
         figure: help of --figure, which an example without a picture lacks.
+        json: whether there is --json, for `write_json`.
 
     Raises:
         InputError: a file cannot be written.
     """
+    files = {"--html": "where to write the animation, a page that needs no server"}
+    if json:
+        files["--json"] = "where to write the key figures"
     if figure is not None:
-        add_file(parser, "--figure", figure)
-    _add_options(parser)
+        files["--figure"] = figure
+    for name, words in files.items():
+        add_file(parser, name, words)
+    words = "of the animation: 1 is real time, 0.25 (the default) four times slower"
+    parser.add_argument("--rate", metavar="R", type=_rate, default=0.25, help=words)
+    words = "without --html show no animation"
+    parser.add_argument("--headless", action="store_true", help=words)
     args = parser.parse_args(arguments)
-    check_files(args.json, args.html, figure=args.figure if figure else None)
+    picture = getattr(args, "figure", None)
+    check_files(getattr(args, "json", None), args.html, figure=picture)
     return args
 
 
@@ -229,7 +220,6 @@ def plot_perches(
     replayed: Iterable[FlownFlight] = (),
     wire: tuple[float, float] = (0.0, 0.0),
     color: str = "#0072B2",
-    obstacles: Sequence[Obstacle] = (),
 ) -> None:
     """Draws paths to the wire in the vertical plane, one scale on both axes.
 
@@ -240,7 +230,6 @@ def plot_perches(
         replayed: flights without.
         wire: (x, z) [m]; a ring shows the reach of the article's hook.
         color: of the flights with feedback.
-        obstacles: filled circles, with a dotted one at the clearance.
     """
     groups = (
         (replayed, "#D55E00", "without feedback"),
@@ -256,11 +245,6 @@ def plot_perches(
     reach = Hook().reach
     ring = np.array(wire)[:, None] + reach * np.array([np.cos(angle), np.sin(angle)])
     ax.plot(*ring, color="k", lw=1.0, label=f"{100 * reach:.0f} cm of the wire")
-    for obstacle in obstacles:
-        x, z = obstacle.center
-        ax.add_patch(Circle((x, z), obstacle.radius, color="0.5"))
-        far = obstacle.radius + obstacle.clearance
-        ax.add_patch(Circle((x, z), far, fill=False, ls=":"))
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xlabel="x [m]", ylabel="z [m]")
     ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
@@ -306,7 +290,6 @@ def show(
     *,
     parameters: GliderParameters | None = None,
     has_wire: bool = True,
-    obstacles: Sequence[Obstacle] = (),
 ) -> None:
     """Plays tracks in Meshcat as the options say.
 
@@ -316,12 +299,11 @@ def show(
         title: of the page.
         parameters: as in `play`.
         has_wire: whether the flights go to a wire.
-        obstacles: that they keep clear of.
     """
     meshcat = start_meshcat(args)
     if meshcat is not None:
         wire = (0.0, 0.0) if has_wire else None
-        stage = stage_of(tracks[0], wire, obstacles)
+        stage = stage_of(tracks[0], wire)
         play(tracks, meshcat, rate=args.rate, parameters=parameters, stage=stage)
     finish(args, meshcat, tracks, title)
 

@@ -28,15 +28,13 @@ Checks the certificate of a funnel: that its flight leads from a problem's launc
 its wire; at each of its times, in exact arithmetic, that V falls on the boundary and
 that the servo stays within its limits; and that it ends in the goal. No solver and no
 plan are used: the file holds everything, the glider included. --model compares that
-with your glider; --problem names another problem than the article's, one without
-obstacles, as those are not proven. --hook also requires that the hook accepts every
-state of the last set, by speed and pitch.
+with your glider; --problem names another problem than the article's. --hook also
+requires that the hook accepts every state of the last set, by speed and pitch.
 
 This check applies to the third-order Taylor polynomials of the dynamics, with a bound
 on their remainder; between the times V is sampled in floating point. --prove proves it
 for the full dynamics and in continuous time: no flight that starts in the inlet leaves
-the funnel. That takes minutes. The size of the inlet is printed; --least-inlet
-requires one.
+the funnel. That takes minutes. The size of the inlet is printed.
 
 The check applies to one glider; --prove covers all gliders of a funnel that was made
 for a set of them. If --model has a covariance, that set must contain the model's set
@@ -66,11 +64,6 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_path("--problem", "YAML", words)
     words = "the problem's hook must accept every state of its last set"
     parser.add_switch("--hook", words)
-    words = (
-        "half-width that its inlet must have: in height [m], or in states that deviate "
-        "alone, as z=0.1,pitch=0.05 (default: any)"
-    )
-    parser.add_argument("--least-inlet", metavar="WIDTH", help=words)
     words = "check every N-th time or interval only, and the last (default: all)"
     parser.add_number("--every", words, 1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
@@ -105,7 +98,6 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.funnel.file import read_file
 
     level, flights = _checked_options(args)
-    least_inlet = _least_inlet(args.least_inlet)
     file = args.funnel, *read_file(args.funnel)
 
     # These take a second to import: not before it is known that there is a funnel.
@@ -139,7 +131,6 @@ def run(args: argparse.Namespace) -> int:
         hook=args.hook,
         model=model,
         covariance=covariance,
-        least_inlet=least_inlet,
         **_proven_loop(args),
     )
     with working(is_even=True) as progress:
@@ -240,20 +231,6 @@ def _proven_loop(args: argparse.Namespace) -> dict[str, Any]:
         "wind": args.wind or 0.0,
         "period": args.hold,
     }
-
-
-def _least_inlet(text: str | None) -> dict[str, float]:
-    """Least half-widths of the inlet by state; of z where a number stands alone."""
-    found: dict[str, float] = {}
-    for part in (text or "").split(",") if text is not None else ():
-        name, _, width = part.rpartition("=")
-        try:
-            found[name.strip() or "z"] = value = float(width)
-        except ValueError:
-            value = math.nan
-        words = "a positive width, or several as z=0.1,pitch=0.05"
-        expect(0.0 < value < math.inf, "--least-inlet", text, words)
-    return found
 
 
 def _level(text: str | None) -> float | None:

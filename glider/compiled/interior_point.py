@@ -5,19 +5,14 @@ line-search algorithm for large-scale nonlinear programming, 2006. Newton's step
 of `glider.compiled.stages`, whose time grows with the number of knots alone.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from glider.compiled.collocation import Path, PathDynamics
 from glider.compiled.kernel import machine_code
-from glider.compiled.runge_kutta import TINY
 from glider.compiled.stages import newton_step, weigh
 from glider.physics.model import GliderModel
-
-Formula = Callable[[Any], Any]
-"""g of states (n, ...), real or complex."""
 
 _PENALTY = 1e6
 """Penalty on the place at the end, see `newton_step`."""
@@ -37,12 +32,6 @@ _HALVINGS = 25
 
 _INSIDE = 1e-2
 """Share of a bound, or of the width between two, that a guess keeps from it."""
-
-_LEAST_SLACK = 5e-2
-"""Slack of an inequality at first, at least."""
-
-_CURVATURE_STEP = 1e-4
-"""Step of the differences of an inequality's exact slopes."""
 
 
 class Program(NamedTuple):
@@ -93,13 +82,9 @@ class _Scratch(NamedTuple):
             function's.
         cross: (N,) curvature of the cost by a command and h.
         misses: (2,) by which the end leaves its place.
-        pushes: (P, n + 1) slope of the Lagrangian by the points of the path that the
-            inequalities bring in.
-        barrier_pushes: the same with the forces of the barrier after Newton's step.
         by_middle: (N - 1, n + 1) slope of the Lagrangian by the middles of `weigh`.
         by_middle_and_step: (N - 1, n + 1) its slope by h.
         change: (N (n + 1) + 1,) Newton's step.
-        shifts: (P, n + 1) that of the points.
         ahead: (N - 1, n) multipliers after it.
         drawn: (2,) multipliers of the place after it.
     """
@@ -109,12 +94,9 @@ class _Scratch(NamedTuple):
     diagonal: np.ndarray
     cross: np.ndarray
     misses: np.ndarray
-    pushes: np.ndarray
-    barrier_pushes: np.ndarray
     by_middle: np.ndarray
     by_middle_and_step: np.ndarray
     change: np.ndarray
-    shifts: np.ndarray
     ahead: np.ndarray
     drawn: np.ndarray
 
@@ -123,7 +105,6 @@ def _make_scratch(num_states: int, knots: int) -> _Scratch:
     """Allocates the arrays that the steps write."""
     width = num_states + 1
     size = knots * width + 1
-    points = (2 * knots - 1, width)
     segments = (knots - 1, width)
     return _Scratch(
         slope=np.empty(size),
@@ -131,12 +112,9 @@ def _make_scratch(num_states: int, knots: int) -> _Scratch:
         diagonal=np.empty(size),
         cross=np.empty(knots),
         misses=np.empty(2),
-        pushes=np.zeros(points),
-        barrier_pushes=np.zeros(points),
         by_middle=np.empty(segments),
         by_middle_and_step=np.empty(segments),
         change=np.empty(size),
-        shifts=np.empty(points),
         ahead=np.empty((knots - 1, num_states)),
         drawn=np.empty(2),
     )
@@ -161,31 +139,18 @@ class _Outcome(NamedTuple):
 
 
 class _Limits:
-    """Slacks s > 0 of bounds and inequalities, and their forces λ.
+    """Slacks s > 0 of the bounds, and their forces λ.
 
-    Each bound is w_i - low - s = 0 or high - w_i - s = 0, and each inequality
-    g(x) - margin - s = 0, at all points of the path but the launch, which is fixed. At
-    the barrier's minimum λ s = μ. Slacks and forces are eliminated from Newton's step:
-    what is left adds to its slopes and curvature. First come B bounds, then J
-    inequalities at P - 1 points each.
+    Each bound is w_i - low - s = 0 or high - w_i - s = 0. At the barrier's minimum
+    λ s = μ. Slacks and forces are eliminated from Newton's step: what is left adds to
+    its slopes and curvature.
     """
 
-    def __init__(
-        self,
-        bounds: np.ndarray,
-        formulas: Sequence[Formula],
-        margins: np.ndarray,
-        path: Path,
-        w: np.ndarray,
-        barrier: float,
-    ) -> None:
+    def __init__(self, bounds: np.ndarray, w: np.ndarray, barrier: float) -> None:
         """Starts from a path inside the bounds, with the barrier's forces.
 
         Args:
             bounds: (2, N (n + 1) + 1) of a `Program`.
-            formulas: J of them.
-            margins: (J, P) that each g is to be at least; the launch's is not read.
-            path: whose points, slopes and curvature are read and written.
             w: of an `Optimum`.
             barrier: weight μ of the barrier function.
         """
@@ -194,29 +159,12 @@ class _Limits:
         above = np.flatnonzero(np.isfinite(high))
         self._which = np.concatenate([below, above])
         self._signs = np.repeat([1.0, -1.0], [len(below), len(above)])
-        self._formulas = formulas
-        self._margins = margins[:, 1:]
-        self._path = path
-        self._values = self.evaluate()
         limits = np.concatenate([low[below], high[above]])
         apart = w[self._which] - limits
-        gaps = self._signs * apart
-        of_inequalities = np.maximum(self._values, _LEAST_SLACK)
-        self._slacks = np.concatenate([gaps, of_inequalities.ravel()])
+        self._slacks = self._signs * apart
         self._forces = barrier / self._slacks
         self._products = self._forces * self._slacks
         self._logarithms = float(np.log(self._slacks).sum())
-
-    @property
-    def count(self) -> int:
-        """Number of inequalities at all points."""
-        return self._values.size
-
-    @property
-    def missed(self) -> float:
-        """Sum of the differences of g and slacks."""
-        lacking = self._lacking(self._slacks)
-        return float(np.abs(lacking).sum())
 
     @property
     def touch(self) -> float:
@@ -228,28 +176,9 @@ class _Limits:
         """Sum of all forces."""
         return float(self._forces.sum())
 
-    def evaluate(self) -> np.ndarray:
-        """Returns g - margin (J, P - 1) at the path's points."""
-        states = self._path.points[1:, :-1].T
-        found = [formula(states) for formula in self._formulas]
-        values = np.reshape(found, self._margins.shape)
-        return values - self._margins
-
-    def linearize(self) -> None:
-        """Differentiates g at the points."""
-        if self._formulas:
-            points = self._path.points[1:]
-            found = [_differentiate(formula, points) for formula in self._formulas]
-            self._slopes = np.array([slopes for slopes, _ in found])
-            self._curvature = np.array([curvature for _, curvature in found])
-
     def push(self, scratch: _Scratch) -> None:
-        """Writes the forces into the Lagrangian's slope by knots, h and points."""
+        """Adds the forces to the Lagrangian's slope by knots and h."""
         _push_bounds(self._which, self._signs, self._forces, scratch.lagrangian)
-        if self._formulas:
-            pushes = scratch.pushes[1:, :-1]
-            forces = self._at_points(self._forces)
-            np.einsum("jp,jpi->pi", -forces, self._slopes, out=pushes)
 
     def miss_barrier(self, barrier: float) -> float:
         """Returns the largest difference of force times slack from the weight."""
@@ -260,18 +189,6 @@ class _Limits:
         """Adds what the barrier does to slopes and curvature of the program."""
         of_bounds = self._which, self._signs, self._slacks, self._forces
         _curve_bounds(*of_bounds, barrier, scratch.slope, scratch.diagonal)
-        if self._formulas:
-            slopes = self._slopes
-            slacks = self._at_points(self._slacks)
-            forces = self._at_points(self._forces)
-            stiff = forces / slacks
-            curvature = self._path.curvature[1:, :-1, :-1]
-            curvature += np.einsum("jp,jpa,jpb->pab", stiff, slopes, slopes)
-            curvature -= np.einsum("jp,jpab->pab", forces, self._curvature)
-            missed = self._lacking(self._slacks)
-            after = barrier / slacks - stiff * missed
-            pushes = scratch.barrier_pushes[1:, :-1]
-            np.einsum("jp,jpi->pi", -after, slopes, out=pushes)
 
     def keep_clear(
         self, barrier: float, keep: float, scratch: _Scratch
@@ -289,14 +206,6 @@ class _Limits:
         """
         expected = float(scratch.slope @ scratch.change)
         rise = self._signs * scratch.change[self._which]
-        if self._formulas:
-            shifts = scratch.shifts[1:, :-1]
-            along = np.einsum("jpi,pi->jp", self._slopes, shifts)
-            rise_of_g = along + self._lacking(self._slacks)
-            own = barrier / self._at_points(self._slacks)
-            falls = own * rise_of_g
-            expected -= float(falls.sum())
-            rise = np.concatenate([rise, rise_of_g.ravel()])
         self._rise = rise
         self._moves = np.empty_like(rise)
         given = self._slacks, self._forces, rise, self._moves
@@ -307,30 +216,16 @@ class _Limits:
         """Returns the barrier function, after `try_step` that of the tried slacks."""
         return -barrier * self._logarithms
 
-    def try_step(self, share: float) -> float:
-        """Returns by how much g at the path's points and slacks differ in sum."""
+    def try_step(self, share: float) -> None:
+        """Moves the slacks that `weigh_barrier` is of by a share of their step."""
         self._tried = self._slacks + share * self._rise
         self._logarithms = float(np.log(self._tried).sum())
-        if not self._formulas:
-            return 0.0
-        self._values = self.evaluate()
-        lacking = self._lacking(self._tried)
-        return float(np.abs(lacking).sum())
 
     def take_step(self, share_of_forces: float, barrier: float) -> None:
         """Takes the step that was tried, and keeps the forces near the barrier's."""
         self._slacks = self._tried
         given = self._slacks, self._moves, self._forces, self._products
         _move_forces(barrier, share_of_forces, *given)
-
-    def _at_points(self, values):
-        """Returns those of the inequalities, (J, P - 1)."""
-        bounds = len(self._which)
-        return values[bounds:].reshape(self._margins.shape)
-
-    def _lacking(self, slacks):
-        """Returns g - margin - s (J, P - 1)."""
-        return self._values - self._at_points(slacks)
 
 
 @machine_code
@@ -388,30 +283,6 @@ def _find_moves(barrier, keep, slacks, forces, rise, moves):
     return share, share_of_forces
 
 
-def _differentiate(
-    formula: Formula, points: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns slopes (P, n) and curvature (P, n, n) of g at points (P, n + 1).
-
-    Slopes are exact, by complex steps, and their differences are the curvature.
-    """
-    states = points[:, :-1].T
-    n, count = states.shape
-    slopes = np.zeros((n, count))
-    curvature = np.zeros((n, n, count))
-    axes = np.eye(n)[:, :, None]
-    slopes[:] = formula(states[:, None] + 1j * TINY * axes).imag / TINY
-    matters = np.flatnonzero(np.any(slopes != 0.0, axis=1))
-    steps = 1j * TINY * axes[:, matters, None]
-    for i in matters:
-        moved = np.repeat(states[:, None, None] + steps, 2, axis=2)
-        moved[i, :, 0] += _CURVATURE_STEP
-        moved[i, :, 1] -= _CURVATURE_STEP
-        forth, back = np.moveaxis(formula(moved).imag / TINY, 1, 0)
-        curvature[i, matters] = (forth - back) / (2.0 * _CURVATURE_STEP)
-    return slopes.T, np.moveaxis(curvature, 2, 0)
-
-
 class _Filter:
     """Pairs of (missed, cost) that no later path may be worse than in both."""
 
@@ -464,8 +335,6 @@ def optimize(
     barrier: float,
     tolerance: float,
     iterations: int,
-    formulas: Sequence[Formula],
-    margins: np.ndarray,
 ) -> _Outcome:
     """Finds a flight of least cost near a guess.
 
@@ -477,8 +346,6 @@ def optimize(
         tolerance: largest slope of the Lagrangian, defect and complementarity, where
             the multipliers are of size 100 or less.
         iterations: at most so many.
-        formulas: J inequalities g(x) >= margin that hold at the P points of the path.
-        margins: (J, P) of them.
 
     Raises:
         UncompilableError: a formula of the glider is not of what numba compiles.
@@ -491,8 +358,7 @@ def optimize(
     penalty = _PENALTY if program.is_held else 0.0
     _enter(program.bounds, at.w)
     missed = _missed(program, dynamics, at.w)
-    limits = _Limits(program.bounds, formulas, margins, path, at.w, barrier)
-    missed += limits.missed
+    limits = _Limits(program.bounds, at.w, barrier)
     weights = _command_weights(program, knots)
     cost = _cost_of(program, weights, at.w)
     known = _Filter(missed)
@@ -503,15 +369,13 @@ def optimize(
     dynamics.linearize(fine)
     status = "out of steps"
     for iteration in range(iterations + 1):
-        limits.linearize()
         while True:
             _lean_on(program, weights, at, scratch)
             limits.push(scratch)
             weigh(at.w[-1], path, at.multipliers, scratch)
             free = scratch.lagrangian[program.goal.size :]  # The launch is fixed.
             total = limits.sum_of_forces + np.abs(at.multipliers).sum()
-            size = at.w.size + limits.count
-            scale = max(1.0, 0.01 * total / size)
+            scale = max(1.0, 0.01 * total / at.w.size)
             dual = np.abs(free).max()
             off = max(dual / scale, missed)
             error = max(off, limits.touch / scale)
@@ -542,7 +406,7 @@ def optimize(
         for _ in range(_HALVINGS):
             tried = at.w + share * scratch.change
             missed = _missed(program, dynamics, tried)
-            missed += limits.try_step(share)
+            limits.try_step(share)
             cost = _cost_of(program, weights, tried)
             after = missed, cost + limits.weigh_barrier(barrier)
             if known.accepts(before, after, share, expected):

@@ -81,20 +81,18 @@ def _dot(row, vector):
 
 @machine_code
 def weigh(step, path, multipliers, scratch):
-    """Adds what the defects and the inequalities weigh to the Lagrangian's slope.
+    """Adds what the defects weigh to the Lagrangian's slope.
 
-    The defects weigh Σ μᵀ (x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁)). Let b be the slope of the
-    Lagrangian by a middle's (x_c, u_c): -2/3 h (∂f_c)ᵀ μ, and what the inequalities
-    push there. The curvature by all points is Σ ∂²(wᵀ f), besides what h and the
-    inequalities bring in; w is -h/6 μ ± h/8 b at the ends of a segment and -2/3 h μ
-    within.
+    They weigh Σ μᵀ (x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁)). Let b be the slope of the
+    Lagrangian by a middle's (x_c, u_c): -2/3 h (∂f_c)ᵀ μ. The curvature by all points
+    is Σ ∂²(wᵀ f), besides what h brings in; w is -h/6 μ ± h/8 b at the ends of a
+    segment and -2/3 h μ within.
 
     Args:
         step: h [s].
         path: with slopes; its weights w are written.
         multipliers: (N - 1, n) μ.
-        scratch: with pushes; b and its slope by h are written, the Lagrangian's slope
-            is added to.
+        scratch: b and its slope by h are written, the Lagrangian's slope is added to.
     """
     segments, n = multipliers.shape
     count = segments + 1
@@ -102,7 +100,6 @@ def weigh(step, path, multipliers, scratch):
     rates = path.rates
     slopes = path.slopes
     weights = path.weights
-    pushes = scratch.pushes
     gradient = scratch.lagrangian
     for k in range(count):
         for i in range(n):
@@ -118,7 +115,7 @@ def weigh(step, path, multipliers, scratch):
             for i in range(n):
                 total += slopes[within, i, j] * mu[i]
             by_middle_and_step = -2.0 / 3.0 * total
-            by_middle = step * by_middle_and_step + pushes[within, j]
+            by_middle = step * by_middle_and_step
             scratch.by_middle_and_step[k, j] = by_middle_and_step
             scratch.by_middle[k, j] = by_middle
             gradient[here + j] += 0.5 * by_middle
@@ -137,7 +134,7 @@ def weigh(step, path, multipliers, scratch):
     gradient[count * width] += by_step
     for k in range(count):
         for j in range(width):
-            total = pushes[k, j]
+            total = 0.0
             for i in range(n):
                 total += slopes[k, i, j] * weights[k, i]
             gradient[k * width + j] += total
@@ -225,7 +222,7 @@ def _add_knot(k, step, path, multipliers, scratch, added, value):
         for i in range(width):
             value[j, i] += path.curvature[k, j, i]
         value[j, j] += scratch.diagonal[first + j] + added
-        value[j, n + 2] += scratch.slope[first + j] + scratch.barrier_pushes[k, j]
+        value[j, n + 2] += scratch.slope[first + j]
     for side in range(2):
         m = k - side  # The segment that begins here, then the one that ends here.
         if m < 0 or m >= segments:
@@ -259,8 +256,7 @@ def newton_step(step, path, multipliers, scratch, added, penalty):
     Args:
         step, path, multipliers: as in `weigh`, with the path's curvature.
         scratch: with the diagonal D, the slope q and what the place is missed by; its
-            change d, the shifts of the points, and the multipliers `ahead` and `drawn`
-            are written.
+            change d and the multipliers `ahead` and `drawn` are written.
         added: to each of D.
         penalty: on the place; 0 where the end is free.
 
@@ -304,8 +300,6 @@ def newton_step(step, path, multipliers, scratch, added, penalty):
             carried[i, m + 2] = value[i, m + 1]
             carried[i, m + 3] = value[i, m + 2]
         _multiply(path.curvature[count + k], middle, bent)
-        for i in range(width):
-            bent[i, m + 1] += scratch.barrier_pushes[count + k, i]
         total[:] = 0.0
         _add_transposed(end, carried, total)
         for j in range(m + 4):
@@ -361,20 +355,18 @@ def newton_step(step, path, multipliers, scratch, added, penalty):
         pull[1] = (ends[1, 0] * below - ends[1, 1] * left) / determinant
     found = states[0] + pull[0] * states[1] + pull[1] * states[2]
     for k in range(count):
-        scratch.shifts[k] = found[k, :width]
         scratch.change[k * width : (k + 1) * width] = found[k, :width]
     scratch.change[last] = found[0, width]
 
     # Each segment's multipliers balance what its end's states weigh.
+    shift = np.empty(width)  # Of the segment's middle.
     weights = np.empty(width)
     forces = np.empty(n)
     for k in range(segments):
-        within = count + k
         stage[0] = found[k + 1, n]
         stage[1:] = found[k, : m + 1]
-        _apply(to_middle[k], stage, scratch.shifts[within])
-        _apply(path.curvature[within], scratch.shifts[within], weights)
-        weights += scratch.barrier_pushes[within]
+        _apply(to_middle[k], stage, shift)
+        _apply(path.curvature[count + k], shift, weights)
         _apply(values[k + 1], found[k + 1], forces)
         for i in range(n):
             forces[i] += _dot(by_end[k, :, i], weights)

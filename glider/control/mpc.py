@@ -66,11 +66,6 @@ class Replanner:
     a plan from everywhere. Where a solve fails the last plan goes on, and so does the
     rest of a plan that is all but over.
 
-    Obstacles are avoided at a plan's knots and midway between them, 11 ms apart, so
-    that a path may cut a clearance by some millimeters in between. Where the measured
-    state is inside a clearance, a plan has to be out of it after those 11 ms; if none
-    is, the last plan goes on.
-
     Args:
         model: the glider that is planned with.
         problem: whose launch, goal, weights and limits; its rate_cost is replaced
@@ -133,7 +128,6 @@ class Replanner:
             elapsed=elapsed,
             tolerance=_TOLERANCE,
             iterations=_ITERATIONS,
-            rounds=1,
             name="the last plan",
         )
         again = dataclasses.replace(

@@ -81,11 +81,7 @@ def theta_at(
 
 
 def glider_at(
-    model: GliderModel,
-    names: tuple[str, ...],
-    deviation: np.ndarray,
-    *,
-    truncate: bool = False,
+    model: GliderModel, names: tuple[str, ...], deviation: np.ndarray
 ) -> GliderModel:
     """Returns a glider that deviates from a model.
 
@@ -93,8 +89,6 @@ def glider_at(
         model: of the estimates.
         names: of the m numbers that deviate.
         deviation: (m,) of each.
-        truncate: whether a number that would not be physical is set to its bound; the
-            others deviate all the same.
 
     Raises:
         InputError: it is not physical.
@@ -103,11 +97,7 @@ def glider_at(
     space = space_of(tuple(effect.kind for effect in model.effects))
     vector = space.pack(model.parameters, model.effects)
     places = space.places(names)
-    estimate = vector[places]
-    drawn = estimate + np.reshape(deviation, len(places))
-    if truncate:
-        drawn = np.clip(drawn, *_bounds(space, places, estimate))
-    vector[places] = drawn
+    vector[places] += np.reshape(deviation, len(places))
     parameters, effects = space.unpack(vector, model.parameters)
     return dataclasses.replace(model, parameters=parameters, effects=effects)
 

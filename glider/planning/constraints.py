@@ -8,25 +8,18 @@ from here.
 """
 
 import dataclasses
-import functools
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from glider.errors import InputError, expect
-from glider.physics.formulas import sqrt
 from glider.physics.model import GliderModel
 from glider.physics.parameters import check_units
 from glider.physics.servo import NO_LIMITS, Servo
 from glider.physics.state import ELEVATOR, PITCH, POSITION, STATE_NAMES, VELOCITY
 from glider.planning.path import Path
-from glider.planning.problem import Hook, Obstacle, PerchingProblem
-
-_ROUNDING = 0.1
-"""Distance from an obstacle's center, relative to its radius, within which the distance
-is rounded off: there it has no slope. At the edge it is exact."""
+from glider.planning.problem import Hook, PerchingProblem
 
 _UNITS = ("m", "m", "rad", "rad", "m/s", "m/s", "rad/s")
 """Units of the states; an effect's own state goes without."""
@@ -55,23 +48,6 @@ class Bound:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Inequality:
-    """g(x) >= 0 over a whole flight, between knots too.
-
-    Attributes:
-        name: that messages use.
-        unit: of g.
-        formula: g, smooth, of the model's states in their order. It gets a sequence of
-            arrays, complex ones among them, or of AutoDiffXd, so it consists of
-            operators and `glider.physics.formulas`.
-    """
-
-    name: str
-    unit: str
-    formula: Callable[[Any], Any]
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class Constraints:
     """Everything that a flight has to keep besides the dynamics and its launch."""
 
@@ -79,7 +55,6 @@ class Constraints:
     command: Bound  #: Over the whole flight.
     arrival: tuple[Bound, ...]  #: Of states, at the end; the place is an equation.
     duration: Bound  #: Of the number of knots times the step between them.
-    inequalities: tuple[Inequality, ...]
     hook: Hook  #: At the glider: no part of a plan, but of what it is for.
 
 
@@ -121,10 +96,6 @@ def constraints_of(problem: PerchingProblem, servo: Servo = NO_LIMITS) -> Constr
             for state, limits in arrival.items()
         ),
         duration=Bound(name="duration", low=shortest, high=longest, unit="s"),
-        inequalities=tuple(
-            _keep_off(obstacle, number, len(problem.obstacles))
-            for number, obstacle in enumerate(problem.obstacles, 1)
-        ),
         hook=problem.hook,
     )
 
@@ -138,23 +109,6 @@ def _bound_state(state, limits, where=""):
         unit=_UNITS[state],
         state=state,
     )
-
-
-def _keep_off(obstacle: Obstacle, number: int, count: int) -> Inequality:
-    """Keeps the center of mass off an obstacle."""
-    name = (
-        "clearance of the obstacle" if count == 1 else f"clearance of obstacle {number}"
-    )
-    formula = functools.partial(
-        _clearance, obstacle.center, obstacle.radius + obstacle.clearance
-    )
-    return Inequality(name=name, unit="m", formula=formula)
-
-
-def _clearance(center, radius, states):
-    rounded = (_ROUNDING * radius) ** 2
-    squared = (states[0] - center[0]) ** 2 + (states[1] - center[1]) ** 2
-    return sqrt(squared + rounded) - math.sqrt(radius**2 + rounded)
 
 
 def check_plannable(model: GliderModel, problem: PerchingProblem) -> None:
@@ -175,36 +129,21 @@ def check_plannable(model: GliderModel, problem: PerchingProblem) -> None:
         expected = f"a value from {bound.low:g} to {bound.high:g}"
         good = bound.low <= value <= bound.high
         expect(good, f"plan: the launch's {bound.name}", value, expected)
-    launch = model.initial_state(problem.launch)
-    for inequality in constraints.inequalities:
-        value = float(inequality.formula(launch))
-        expect(
-            value >= 0.0, f"plan: the launch's {inequality.name}", value, "at least 0"
-        )
 
 
 def find_violations(constraints: Constraints, path: Path) -> list[Violation]:
     """Returns what a path violates, the largest amount in SI units first.
 
     What is not a number violates by an infinite amount.
-    Bounds hold at the knots; inequalities hold between them too; the dynamics hold
-    at the collocation points, where what they miss is the defect of a segment.
+    Bounds hold at the knots; the dynamics hold at the collocation points, where what
+    they miss is the defect of a segment.
     """
     knots = path.states
-    found: list[tuple[Bound | Inequality, float]] = [
-        (bound, bound.excess(knots[1:, bound.state])) for bound in constraints.path
-    ]
-    found += [
-        (bound, bound.excess(knots[-1, bound.state])) for bound in constraints.arrival
-    ]
-    found.append((constraints.command, constraints.command.excess(path.inputs)))
     length = len(knots) * path.times[1]
-    found.append((constraints.duration, constraints.duration.excess(length)))
-    for inequality in constraints.inequalities:
-        for states in (path.between, path.states):
-            least = inequality.formula(np.moveaxis(states, -1, 0)).min()
-            found.append((inequality, -float(least)))
-    rows = [(part.name, amount, part.unit) for part, amount in found]
+    bounded = [(bound, knots[1:, bound.state]) for bound in constraints.path]
+    bounded += [(bound, knots[-1, bound.state]) for bound in constraints.arrival]
+    bounded += [(constraints.command, path.inputs), (constraints.duration, length)]
+    rows = [(bound.name, bound.excess(values), bound.unit) for bound, values in bounded]
     defects = path.defects.max(axis=0)
     units = _UNITS + ("",) * (len(defects) - len(_UNITS))
     for name, amount, unit in zip(path.model.state_names, defects, units, strict=True):

@@ -55,23 +55,6 @@ class Hook:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Obstacle:
-    """A cylinder, normal to the plane of flight, that the center of mass must avoid.
-
-    Only the center of mass is constrained: the tail extends up to 0.3 m behind it, so
-    include that in `clearance` if it matters.
-    """
-
-    center: list[float]  #: Place of its axis, (x, z) [m].
-    radius: float  #: Radius [m].
-    clearance: float = 0.0  #: Least distance of the center of mass from it [m].
-
-    def contains(self, places: np.ndarray) -> np.ndarray:
-        """Whether places (..., 2) are inside the cylinder, its clearance apart."""
-        return np.linalg.norm(places - np.array(self.center), axis=-1) < self.radius
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class PerchingProblem:
     """Fly from a launch to a wire and arrive slowly, nose up.
 
@@ -95,7 +78,6 @@ class PerchingProblem:
         goal: state that the final cost draws to.
         goal_weights: diagonal of the final cost's weight.
         duration_limits: bounds of the number of knots times the step between them [s].
-        obstacles: that the flight keeps clear of, between knots too.
         hook: at the glider; no part of the plan, it determines which flights perch.
     """
 
@@ -110,7 +92,6 @@ class PerchingProblem:
     goal: list[float] = _list(0.0, 0.0, -math.pi / 4, 0.0, 0.0, 0.0, 0.0)
     goal_weights: list[float] = _list(10.0, 10.0, 1.0, 10.0, 1.0, 1.0, 1.0)
     duration_limits: list[float] = _list(0.5, 2.0)
-    obstacles: list[Obstacle] = dataclasses.field(default_factory=list)
     hook: Hook = dataclasses.field(default_factory=Hook)
 
     def __post_init__(self):
@@ -173,7 +154,6 @@ _POSITIVE = ("final_speed_limit", "hook.reach", "hook.speed_limit")
 def _check(problem: PerchingProblem) -> None:
     values = dataclasses.asdict(problem)
     hook = {f"hook.{name}": value for name, value in values.pop("hook").items()}
-    del values["obstacles"]
     for name, value in (values | hook).items():
         numbers = np.asarray(value, dtype=object).ravel()
         is_interval = name.endswith("_limits")
@@ -205,23 +185,3 @@ def _check(problem: PerchingProblem) -> None:
         low, high = getattr(problem, name)
         inside = f"a place within '{name}', {show([low, high])}"
         expect(low <= place <= high, "field 'wire'", problem.wire, inside)
-    good = isinstance(problem.obstacles, (list, tuple))
-    expect(good, "field 'obstacles'", problem.obstacles, "a list of Obstacle")
-    for number, obstacle in enumerate(problem.obstacles):
-        _check_obstacle(obstacle, f"field 'obstacles[{number}]", problem.wire)
-
-
-def _check_obstacle(obstacle: Obstacle, what: str, wire: list[float]) -> None:
-    """Raises InputError for what is no obstacle, or one that holds the wire."""
-    expect(isinstance(obstacle, Obstacle), f"{what}'", obstacle, "an Obstacle")
-    center = obstacle.center
-    numbers = list(center) if np.iterable(center) else []
-    good = len(numbers) == len(wire) and all(map(is_number, numbers))
-    expect(good, f"{what}.center'", center, "2 finite numbers")
-    good = is_number(obstacle.radius) and obstacle.radius > 0.0
-    expect(good, f"{what}.radius'", obstacle.radius, "a positive number")
-    good = is_number(obstacle.clearance) and obstacle.clearance >= 0.0
-    expect(good, f"{what}.clearance'", obstacle.clearance, "a number not negative")
-    apart = math.dist(center, wire)
-    far = f"a place more than its radius and clearance from the wire, {show(wire)}"
-    expect(apart > obstacle.radius + obstacle.clearance, f"{what}.center'", center, far)

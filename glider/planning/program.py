@@ -5,7 +5,7 @@ from pydrake.planning import DirectCollocation
 
 from glider.physics.model import GliderModel, as_model
 from glider.physics.state import NUM_STATES
-from glider.planning.constraints import Inequality, check_plannable, constraints_of
+from glider.planning.constraints import check_plannable, constraints_of
 from glider.planning.guess import straight_line
 from glider.planning.problem import PerchingProblem
 from glider.systems.plant import GliderPlant
@@ -17,9 +17,8 @@ def perching_program(
     """Builds Drake's direct collocation of a problem, with equal steps between knots.
 
     It holds the problem's costs, its constraints and straight lines as a guess: add
-    what else you ask for, and hand its `prog()` to a solver of Drake. Inequalities
-    hold at the knots and at the collocation points. Every constraint of the problem
-    has a description, as `GetInfeasibleConstraintNames` shows it.
+    what else you ask for, and hand its `prog()` to a solver of Drake. Every constraint
+    of the problem has a description, as `GetInfeasibleConstraintNames` shows it.
 
     Args:
         model: the glider, in still air.
@@ -51,8 +50,6 @@ def perching_program(
         _bound(dc, states[-1:, bound.state], bound.low, bound.high, bound.name)
     rate = constraints.command
     _bound(dc, inputs, rate.low, rate.high, rate.name)
-    for inequality in constraints.inequalities:
-        _keep(dc, model, inequality, knots)
     dc.AddRunningCost(problem.rate_cost * dc.input()[0] ** 2)
     weights = np.diag(problem.goal_weights)
     final = dc.final_state()[:NUM_STATES]
@@ -68,34 +65,3 @@ def _bound(dc, variables, low, high, name):
         np.broadcast_to(low, size), np.broadcast_to(high, size), variables
     )
     binding.evaluator().set_description(name)
-
-
-def _keep(
-    dc: DirectCollocation, model: GliderModel, inequality: Inequality, knots: int
-) -> None:
-    """Adds an inequality at the knots after the launch, and at the middles."""
-    n = model.num_states
-
-    def at_knot(state):
-        return [inequality.formula(state)]
-
-    def at_middle(variables):
-        step = variables[0]
-        start = variables[1 : n + 1]
-        end = variables[n + 1 : 2 * n + 1]
-        rates = [
-            np.array(model.chain.derivatives(0.0, x, u, 0.0, 0.0, model.numbers))
-            for x, u in zip((start, end), variables[2 * n + 1 :], strict=True)
-        ]
-        middle = 0.5 * (start + end) + step / 8.0 * (rates[0] - rates[1])
-        return [inequality.formula(middle)]
-
-    for k in range(1, knots):
-        ends = [dc.state(k - 1), dc.state(k), dc.input(k - 1), dc.input(k)]
-        variables = np.concatenate([np.ravel(dc.time_step(k - 1)), *ends])
-        for function, of, where in (
-            (at_knot, dc.state(k), f"at knot {k}"),
-            (at_middle, variables, f"in segment {k - 1}"),
-        ):
-            name = f"{inequality.name} {where}"
-            dc.prog().AddConstraint(function, [0.0], [np.inf], of, name)

@@ -13,11 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
-from glider.compiled.interior_point import Formula, Optimum, Program, optimize
+from glider.compiled.interior_point import Optimum, Program, optimize
 from glider.physics.model import GliderModel
 from glider.planning.constraints import constraints_of
 from glider.planning.guess import Guess, straight_line
-from glider.planning.path import POINTS, Path
 from glider.planning.problem import PerchingProblem
 
 _COLD_BARRIER = 100.0
@@ -28,17 +27,13 @@ fifty launches 47 can be planned and all are, 46 at the least cost that is known
 WARM_BARRIER = 1e-2
 """Barrier's weight from a plan that was optimal nearby."""
 
-_ROUNDS = 8
-"""Solutions at most, each with larger margins where an inequality is violated between
-the points at which it is asked for."""
-
-_BEYOND = 1e-5
-"""Amount by which a violated inequality is to hold the next time."""
-
 _STRETCH = 1.4
 """Duration of the straight lines to start from, relative to those of `straight_line`: a
 slow flight has margin to brake, and of fast launches' minima it is the better one that
 is found."""
+
+_FEW = 25
+"""Knots that show whether there is a plan."""
 
 COARSE_TOLERANCE = 1e-2
 """Tolerance of a solution that only leads on to more knots."""
@@ -161,7 +156,6 @@ def solve_structured(
     elapsed: float = 0.0,
     tolerance: float = 1e-6,
     iterations: int = 150,
-    rounds: int = _ROUNDS,
     name: str = "the plan on fewer knots",
 ) -> CollocatedFlight:
     """Plans from a guess, or again from a plan, its multipliers included.
@@ -175,9 +169,7 @@ def solve_structured(
         arrive: see `make_program`.
         elapsed: time since the launch of a plan to start from [s].
         tolerance: see `optimize`.
-        iterations: see `optimize`, of each round; fewer bound the time.
-        rounds: solutions at most; with one, inequalities hold at the knots and the
-            middles of segments, and are not checked between.
+        iterations: see `optimize`; fewer bound the time.
         name: of what is found.
 
     Raises:
@@ -193,25 +185,7 @@ def solve_structured(
     n = model.num_states
     start.w[:n] = model.initial_state(problem.launch) if launch is None else launch
     program = make_program(model, problem, knots, arrive)
-    inequalities = constraints_of(problem, model.parameters.servo).inequalities
-    formulas = [inequality.formula for inequality in inequalities]
-    margins = np.zeros((len(formulas), 2 * knots - 1))
-    is_checked = bool(formulas) and rounds > 1 and tolerance < COARSE_TOLERANCE
-    for _ in range(rounds):
-        found = optimize(
-            model, program, start, barrier, tolerance, iterations, formulas, margins
-        )
-        if not is_checked or found.status != "solved":
-            break
-        w = found.optimum.w
-        points = w[:-1].reshape(knots, n + 1)
-        path = Path(model, w[-1] * np.arange(knots), points[:, :-1], points[:, -1])
-        if not _raise_margins(margins, formulas, path):
-            break
-        start = found.optimum
-        barrier = WARM_BARRIER
-    else:
-        found = found._replace(status="inequalities violated between knots")
+    found = optimize(model, program, start, barrier, tolerance, iterations)
     return CollocatedFlight(
         name=name,
         optimum=found.optimum,
@@ -234,26 +208,17 @@ def solve_from_guess(
 ) -> CollocatedFlight:
     """Plans from a guess; if that fails, from a flight that ends where it is cheapest.
 
-    Where there are obstacles, it begins with the plan that there is without them: from
-    a line that runs into one, a dearer way round it may be found, or none. `arrive` is
-    that of `make_program`.
+    `arrive` is that of `make_program`.
 
     Raises:
         UncompilableError: a formula is not of what numba compiles.
     """
 
-    def solve(start, clear=False, arrive=arrive):
-        own = dataclasses.replace(problem, obstacles=[]) if clear else problem
+    def solve(start, arrive=arrive):
         return solve_structured(
-            model, own, knots, start, tolerance=tolerance, arrive=arrive
+            model, problem, knots, start, tolerance=tolerance, arrive=arrive
         )
 
-    if problem.obstacles and isinstance(guess, Guess):
-        unhindered = solve(guess, clear=True)
-        if unhindered.solved:
-            flight = solve(unhindered)
-            if flight.solved:
-                return flight
     flight = solve(guess)
     if flight.solved or not arrive:
         return flight
@@ -262,28 +227,14 @@ def solve_from_guess(
     return again if again.solved else flight
 
 
-def _raise_margins(
-    margins: np.ndarray, formulas: Sequence[Formula], path: Path
+def can_perch(
+    model: GliderModel, problem: PerchingProblem, launch: Sequence[float]
 ) -> bool:
-    """Raises margins (J, 2 N - 1) of the points beside which an inequality is violated.
+    """Determines whether our own solver finds a plan from a launch (7,) to the wire.
 
-    That of the launch, which no plan can move, stays as it is.
-
-    Returns:
-        whether there are any.
+    Raises:
+        InputError: the launch is no state.
+        UncompilableError: a formula is not of what numba compiles.
     """
-    states = np.moveaxis(path.between, -1, 0)
-    knots = len(path.times)
-    violated = False
-    for formula, margin in zip(formulas, margins, strict=True):
-        values = formula(states)
-        at_points = np.append(formula(path.states.T), values[POINTS // 2])
-        halves = values.reshape(2, POINTS // 2, knots - 1).min(axis=1)
-        for half, segment in np.argwhere(halves < 0.0):
-            lacking = _BEYOND - 1.1 * halves[half, segment]
-            for point in (segment + half, knots + segment):
-                if point == 0:  # The launch is fixed.
-                    continue
-                margin[point] = max(margin[point], at_points[point] + lacking)
-            violated = True
-    return violated
+    own = dataclasses.replace(problem, launch=list(launch))
+    return solve_from_guess(model, own, _FEW, slow_line(model, own)).solved

@@ -65,15 +65,6 @@ def _refine(times: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return fine, CubicHermiteSpline(times, places, states[:, VELOCITY])(fine)
 
 
-def _collides(times: np.ndarray, states: np.ndarray, problem: PerchingProblem) -> bool:
-    """Whether a logged flight enters one of a problem's obstacles."""
-    if not problem.obstacles:
-        return False
-    kept = np.flatnonzero(np.append(np.diff(times) > 0.0, True))
-    _, places = _refine(times[kept], states[kept])
-    return any(bool(o.contains(places).any()) for o in problem.obstacles)
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlownFlight:
     """One flight of a simulated glider; a hook that takes it ends it at the wire."""
@@ -83,7 +74,6 @@ class FlownFlight:
     miss: float  #: Least distance of the center of mass from the wire [m].
     arrival: np.ndarray  #: (n,) state there.
     hook: Hook  #: At the glider.
-    collided: bool  #: Whether the center of mass enters an obstacle.
     #: (K, 2) of wing and elevator along their normals [N], if asked for.
     forces: np.ndarray | None = None
     #: Of motion capture and of the commands, where there is one.
@@ -101,9 +91,8 @@ class FlownFlight:
 
     @property
     def perched(self) -> bool:
-        """Whether the hook holds the glider at the wire, and no obstacle stops it."""
-        held = bool(self.hook.takes(np.array(self.miss), self.arrival))
-        return held and not self.collided
+        """Whether the hook holds the glider at the wire."""
+        return bool(self.hook.takes(np.array(self.miss), self.arrival))
 
 
 def hooked(
@@ -138,7 +127,6 @@ def hooked(
         miss=passed.miss,
         arrival=passed.arrival,
         hook=problem.hook,
-        collided=_collides(times, states, problem),
         forces=forces,
         log=log,
     )
@@ -188,11 +176,6 @@ class Perches:
         return sum(flight.perched for flight in self.flights)
 
     @property
-    def collided(self) -> int:
-        """Number of flights that enter an obstacle."""
-        return sum(flight.collided for flight in self.flights)
-
-    @property
     def worst(self) -> FlownFlight:
         """The flight that misses by most."""
         return max(self.flights, key=lambda flight: flight.miss)
@@ -204,15 +187,13 @@ class Perches:
             "speed_at_wire_m_s": self.speeds,
             "pitch_at_wire_rad": self.pitches,
             "perched": self.perched,
-            "collided": self.collided,
         }
 
     def describe(self) -> str:
         """Describes the number that perch, and the median flight at the wire."""
         pitch = np.degrees(np.median(self.pitches))
-        entered = f"{self.collided} enter an obstacle, " if self.collided else ""
         return (
-            f"{self.perched} of {len(self)} launches perch, {entered}median miss "
+            f"{self.perched} of {len(self)} launches perch, median miss "
             f"{1000 * np.median(self.misses):.1f} mm at {np.median(self.speeds):.1f} "
             f"m/s, nose {abs(pitch):.0f}° {'down' if pitch > 0.0 else 'up'}"
         )

@@ -99,7 +99,6 @@ def fly(
     *,
     problem: PerchingProblem | None = None,
     command_rate: float | None = None,
-    noise: np.ndarray | None = None,
     step: float = STEP,
     after: float = AFTER,
     keep_paths: bool = False,
@@ -118,8 +117,6 @@ def fly(
         problem: whose wire and hook; None for the article's.
         command_rate: commands are computed at this rate and held [Hz]; None: the
             command follows the state at once.
-        noise: (B, H, m) added to the states that each command is computed from,
-            m states and `_make_clock(...).commands` commands.
         step: longest step [s]; divided where the effects' own states ask for it.
         after: how long the flights go on after the plan [s].
         keep_paths: whether to return all states, and held commands.
@@ -132,20 +129,12 @@ def fly(
     clock = _make_clock(policy, command_rate, step, after)
     laps = model.count_laps(clock.step)
     starts = full_starts(model, starts)
-    if noise is not None:
-        noise = np.asarray(noise, dtype=float)
-        shape = len(starts), clock.commands, len(policy.state_names)
-        expect(clock.hold, "the command rate", None, "a number, as there is noise")
-        expect(noise.shape == shape, "the noise's shape", noise.shape, str(shape))
     count = clock.steps * laps
     steps = Steps(count, clock.step / laps, every=laps if keep_paths else count)
     problem = PerchingProblem() if problem is None else problem
     if clock.hold:
         sampled = np.arange(clock.commands) * clock.hold * clock.step
         offset, gain = (table[None] for table in policy.sample(sampled))
-        if noise is not None:
-            offset = offset - np.sum(gain * noise, axis=2)
-            gain = np.broadcast_to(gain, noise.shape)
         feedback = Feedback(offset, gain, clock.hold * laps)
     else:
         feedback = make_feedback(policy.sample, steps)

@@ -9,14 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from glider import close_the_loop, propagate
+from glider import close_the_loop
 from glider.__main__ import main
 from glider.campaign.writer import save_campaign
 from glider.paths import models_path
-from glider.physics.covariance import Covariance
 from glider.physics.effects import PROFILE_DRAG
 from glider.physics.effects.free_functions import FreeFunction
-from glider.physics.model import GliderModel, load_covariance
+from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
 from glider.planning.problem import PerchingProblem
 from glider.report.folder import write_report
@@ -127,14 +126,3 @@ def test_a_perch_is_planned_with_the_model(reported):
     assert bool(texts) == (reported.result.verdict == "not_trusted")
     assert all("not trusted" in text for text in texts)
     assert np.all(np.isfinite(planned.states))
-
-
-def test_a_figure_of_merit_is_propagated(reported):
-    def heaviness(model):
-        return model.parameters.mass + sum(sum(e.values) for e in model.effects)
-
-    found = propagate(reported.result, heaviness, draws=20)
-    assert np.all(np.isfinite(found.values))
-    known = load_covariance(reported.folder / "model.yaml")
-    assert known is None or isinstance(known, Covariance)
-    assert (found.std > 1e-9) == bool(reported.result.model.effects)

@@ -241,7 +241,7 @@ def point(name, value):
     ],
     ids=["none", "moved"],
 )
-@pytest.mark.parametrize("arguments", [["fly"], ["lab", "out", "--headless"]])
+@pytest.mark.parametrize("arguments", [["fly"], ["lab", "out", "--port=1"]])
 def test_an_installation_without_them_says_what_to_do(
     points, arguments, monkeypatch, capsys
 ):

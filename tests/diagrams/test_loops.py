@@ -10,10 +10,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, Gain, MatrixGain
 
-from diagrams.loops import closed_loop, estimated_loop, open_loop
+from diagrams.loops import LONGEST, closed_loop, estimated_loop, open_loop, tape_rows
 from diagrams.playback import track_of
-from diagrams.simulate import draw_capture, reset, simulate_flights
-from diagrams.wiring import LONGEST, tape_rows
+from diagrams.simulate import _draw_capture, reset, simulate_flights
 from glider.campaign.logs import Campaign
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
@@ -33,15 +32,7 @@ from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.noise import SampledNoise
 from glider.systems.plant import GliderPlant
 from glider.systems.regulator import tracking_regulator
-from tests.helpers.flights import (
-    LAGGING,
-    NO_HOOK,
-    NOMINAL,
-    PROBLEM,
-    draw_noise,
-    plan_of,
-    policy,
-)
+from tests.helpers.flights import LAGGING, NO_HOOK, NOMINAL, PROBLEM, plan_of, policy
 
 DURATION = 0.98
 STALLING = GliderModel(effects=(DYNAMIC_STALL(strength=0.5),))
@@ -74,13 +65,12 @@ def plain():
 
 @pytest.fixture(scope="module")
 def sampled():
-    """Everything at once: an observer, a hold, noise and motion capture."""
+    """Everything at once: an observer, a hold and motion capture."""
     return closed_loop(
         LAGGING,
         regulator(lagging=True),
         planned=LAGGING,
         command_rate=50.0,
-        feedback_noise=True,
         motion_capture=120.0,
     )
 
@@ -102,7 +92,7 @@ def diagram(request):
             "sampled",
             ALWAYS
             | CAPTURE
-            | {"regulator", "measured_state", "feedback_noise", "observer"}
+            | {"regulator", "measured_state", "observer"}
             | {"command_hold"},
         ),
     ],
@@ -187,7 +177,7 @@ def test_the_replay_is_the_compiled_rollout_and_the_plan(replay):
 
 
 def test_noise_is_drawn_with_the_deviations_of_motion_capture(sampled):
-    drawn = draw_capture(sampled, 40, np.random.default_rng(0))
+    drawn = _draw_capture(sampled, 40, np.random.default_rng(0))
     assert drawn.shape == (40, tape_rows(120.0), 4)
     np.testing.assert_allclose(drawn.std(axis=(0, 1)), MotionCapture().std, rtol=0.05)
     noise = MotionCapture().draw(np.random.default_rng(0), *drawn.shape[:2])
@@ -252,10 +242,9 @@ def test_the_miss_is_of_the_wire_that_is_given(replay, wire):
 
 def test_a_glider_that_the_hook_takes_stays_at_the_wire(sampled):
     """Its flight and its log end there, and so does the simulation."""
-    noise = {"feedback_noise": np.zeros((3, 60, 7))}
     duration = plan_of().duration + AFTER
-    held = simulate_flights(sampled, launches(3), duration, **noise)
-    left = simulate_flights(sampled, launches(3), duration, problem=NO_HOOK, **noise)
+    held = simulate_flights(sampled, launches(3), duration)
+    left = simulate_flights(sampled, launches(3), duration, problem=NO_HOOK)
     assert held.perched == 3
     for flight, path in zip(held, left, strict=True):
         assert not path.perched
@@ -289,14 +278,15 @@ def test_a_perch_is_what_the_hook_can_take(replay, miss, pitch, speed, perched):
 
 
 def test_flights_of_one_diagram_know_nothing_of_one_another(sampled):
-    starts, noise = launches(2), draw_noise(2, 49)
-    both = simulate_flights(sampled, starts, 0.3, feedback_noise=noise)
-    [alone] = simulate_flights(sampled, starts[1:], 0.3, feedback_noise=noise[1:])
+    starts, noise = launches(2), MotionCapture().draw(np.random.default_rng(5), 2, 49)
+    both = simulate_flights(sampled, starts, 0.3, capture_noise=noise)
+    [alone] = simulate_flights(sampled, starts[1:], 0.3, capture_noise=noise[1:])
     np.testing.assert_array_equal(both[1].states, alone.states)
     np.testing.assert_array_equal(both[1].times, alone.times)
+    np.testing.assert_array_equal(both[1].log.pose, alone.log.pose)
     # Nor of noise that is no longer asked for.
-    quiet = simulate_flights(sampled, starts[1:], 0.3)
-    assert np.max(np.abs(quiet[0].states[-1] - alone.states[-1])) > 1e-3
+    [quiet] = simulate_flights(sampled, starts[1:], 0.3)
+    assert np.max(np.abs(quiet.log.pose - alone.log.pose)) > 1e-3
 
 
 def test_the_observer_knows_the_lag_as_the_glider_itself(sampled):
@@ -330,7 +320,6 @@ def test_a_regulator_sees_the_first_states_of_a_glider_with_more():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"feedback_noise": True}, "expected a rate"),
         ({"command_rate": -1.0}, "rate is -1.0"),
         ({"planned": NOMINAL}, "wants 8"),
         ({}, "`planned`"),
@@ -469,20 +458,16 @@ def test_a_controller_with_other_ports_is_refused(controller, message):
 
 
 def test_noise_for_a_diagram_without_is_refused(plain):
-    with pytest.raises(InputError, match="'feedback_noise'"):
-        simulate_flights(plain, launches(1), 0.1, feedback_noise=draw_noise(1, 5))
+    with pytest.raises(InputError, match="the diagram has none"):
+        simulate_flights(plain, launches(1), 0.1, capture_noise=np.zeros((1, 5, 4)))
 
 
-@pytest.mark.parametrize("tape", ["feedback_noise", "capture_noise"])
-def test_noise_never_ends_before_the_flight(sampled, tape):
-    noise = np.zeros((1, 5, 7 if tape == "feedback_noise" else 4))
-    with pytest.raises(InputError, match=f"at most {LONGEST:g} s are possible"):
-        simulate_flights(sampled, launches(1), LONGEST + 0.1, **{tape: noise})
-
-
-def test_too_few_tapes_are_refused(sampled):
-    with pytest.raises(InputError, match="1 flights"):
-        simulate_flights(sampled, launches(2), 0.1, feedback_noise=draw_noise(1, 5))
+def test_noise_is_that_of_each_flight_to_its_end(sampled):
+    noise = np.zeros((1, 5, 4))
+    with pytest.raises(InputError, match=f"expected at most {LONGEST:g} s"):
+        simulate_flights(sampled, launches(1), LONGEST + 0.1, capture_noise=noise)
+    with pytest.raises(InputError, match="is 1; expected 2, as of flights"):
+        simulate_flights(sampled, launches(2), 0.1, capture_noise=noise)
 
 
 # --------------------------------------------------------------- what is measured

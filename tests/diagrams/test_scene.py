@@ -18,7 +18,6 @@ from diagrams.scene import (
     camera_of,
 )
 from glider.physics.parameters import GliderParameters
-from glider.planning.problem import Obstacle
 from glider.systems.plant import GliderPlant
 from tests.helpers.meshcat import place_of
 
@@ -123,15 +122,6 @@ def test_the_stage_has_a_perch_only_where_there_is_a_wire():
     SetStage(meshcat, Stage(wire=None))
     assert not meshcat.HasPath("perch")
     assert meshcat.HasPath("floor")
-
-
-def test_obstacles_stand_where_the_problem_has_them():
-    meshcat = Meshcat()
-    pole = Obstacle(center=[-1.5, 0.2], radius=0.1)
-    SetStage(meshcat, Stage(obstacles=[pole]))
-    assert place_of(meshcat, "obstacles/0") == pytest.approx([-1.5, 0.0, 0.2])
-    SetStage(meshcat, Stage())
-    assert not meshcat.HasPath("obstacles")
 
 
 def test_the_camera_sees_the_whole_stage():

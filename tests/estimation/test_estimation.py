@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from pydrake.systems.primitives import MatrixGain
 
-from diagrams.loops import estimated_loop
+from diagrams.loops import estimated_loop, tape_rows
 from diagrams.simulate import simulate_flights
-from diagrams.wiring import tape_rows
 from filter_consistency import (
     UNCERTAIN,
     assess,

@@ -1,15 +1,11 @@
-"""Figures: legends cover nothing, rings are round, funnels say what they are."""
+"""Figures: legends cover nothing, rings are round."""
 
-import types
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from examples.perching_funnel import save_funnel_figure
-from glider.paths import models_path
-from glider.verification.funnel.funnel import load_funnel
 from learning_figures import save_learning_figure
 
 
@@ -19,12 +15,6 @@ def save_learning(path):
     costs = {"terminal_cost": [100.0, 10.0, 1.0], "miss_m": [0.3, 0.05, 0.01]}
     loops = {"rbf": {**costs, "weight_change": [1.0, 0.1]}, "traced": costs}
     save_learning_figure(path, paths, {**loops, "oracle_miss_m": 0.01, "launches": 3})
-
-
-def save_funnel(path):
-    funnel = load_funnel(models_path("funnels", "drawn.npz"))
-    study = types.SimpleNamespace(funnel=funnel, flights=[funnel.nominal.states])
-    save_funnel_figure(path, {"nominal": study})
 
 
 @pytest.fixture
@@ -42,7 +32,7 @@ def drawn(monkeypatch, request):
     return figure
 
 
-@pytest.mark.parametrize("drawn", [save_learning, save_funnel], indirect=True)
+@pytest.mark.parametrize("drawn", [save_learning], indirect=True)
 def test_a_legend_covers_no_axes_and_is_not_cut(drawn):
     legends = [ax.get_legend() for ax in drawn.axes if ax.get_legend() is not None]
     assert legends
@@ -56,11 +46,3 @@ def test_a_legend_covers_no_axes_and_is_not_cut(drawn):
 @pytest.mark.parametrize("drawn", [save_learning], indirect=True)
 def test_a_ring_is_round(drawn):
     assert drawn.axes[0].get_aspect() == 1.0
-
-
-@pytest.mark.parametrize("drawn", [save_funnel], indirect=True)
-def test_a_funnel_says_whether_it_is_a_slice_or_a_projection(drawn):
-    top, *widths = drawn.axes
-    words = [text.get_text() for text in top.get_legend().get_texts()]
-    assert words == ["funnel, projected", "1 flight"]
-    assert all("slice" in ax.get_ylabel() for ax in widths)

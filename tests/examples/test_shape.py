@@ -1,4 +1,4 @@
-"""What all examples have in common: a story, help, and faults in one sentence."""
+"""What the article's programs share: a story, help, and faults in one sentence."""
 
 import dataclasses
 import importlib
@@ -14,46 +14,27 @@ from tests.helpers.examples import known_story, story_name
 FOLDER = Path(__file__).parents[2] / "examples"
 SOURCES = {
     path.stem: path.relative_to(FOLDER.parent)
-    for path in sorted([*FOLDER.glob("*.py"), *FOLDER.glob("article/*.py")])
+    for path in sorted(FOLDER.glob("article/*.py"))
     if "program.run(main)" in path.read_text(encoding="utf-8")
 }
 """Programs, not the modules beside those of the article."""
 
 NAMES = list(SOURCES)
 
-GIVEN = {"watch_log": ["attached_lift", "flight_003"]}
-"""What must be on the command line."""
-
 SHOWN = {"--json", "--html", "--figure"}
 WRITES = {name: SHOWN for name in NAMES} | {
-    "close_the_loop": {"--json", "--model"},
-    "cruise": {"--json", "--html"},
     "residual_coefficients": {*SHOWN, "--model"},
-    "lab_session": {"--json"},
-    "launch_map": {"--json", "--figure"},
     "van_der_pol": {"--json", "--figure"},
-    "watch_log": {"--json", "--html"},
 }
 """The files that an example writes."""
 
-TRUTHS = [
-    "lab_session",
-    "learn_residual",
-    "perch_corrected",
-    "perching_funnel",
-    "sample_plans",
-]
+TRUTHS = ["learn_residual", "sample_plans"]
 """Examples that fly a glider of the user's choice."""
-
-
-def load(name):
-    is_ours = SOURCES[name].parent.name == "article"  # Those are on the path.
-    return importlib.import_module(name if is_ours else f"examples.{name}")
 
 
 @pytest.fixture(params=NAMES)
 def example(request):
-    return load(request.param)
+    return importlib.import_module(request.param)
 
 
 def name_of(example):
@@ -70,9 +51,7 @@ def help_of(example, capsys):
 def fail(example, arguments, capsys):
     """Returns the message of a user's fault, which must come before the work."""
     with known_story(example, None) as asked:
-        code = program.run(
-            lambda: example.main([*GIVEN.get(name_of(example), []), *arguments])
-        )
+        code = program.run(lambda: example.main(arguments))
     assert code == 2
     assert not asked.called
     output = capsys.readouterr()
@@ -102,14 +81,15 @@ def test_the_help_is_the_docstring_with_a_usage(example, capsys):
 def test_a_file_without_a_folder_is_refused_before_the_work(
     name, option, tmp_path, capsys
 ):
-    said = fail(load(name), [option, str(tmp_path / "absent" / "a.png")], capsys)
+    example = importlib.import_module(name)
+    said = fail(example, [option, str(tmp_path / "absent" / "a.png")], capsys)
     assert "absent does not exist" in said
     assert said.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if "--figure" in WRITES[n]])
 def test_a_figure_in_a_format_that_is_none_is_refused_before_the_work(name, capsys):
-    said = fail(load(name), ["--figure", "f.txt"], capsys)
+    said = fail(importlib.import_module(name), ["--figure", "f.txt"], capsys)
     assert "no format of pictures" in said
     assert said.count("\n") == 1
 
@@ -117,6 +97,6 @@ def test_a_figure_in_a_format_that_is_none_is_refused_before_the_work(name, caps
 @pytest.mark.parametrize("name", TRUTHS)
 @pytest.mark.parametrize("truth", ["tail_wind", "nowhere.yaml"])
 def test_a_truth_that_is_not_there_is_one_sentence(name, truth, capsys):
-    said = fail(load(name), ["--truth", truth], capsys)
+    said = fail(importlib.import_module(name), ["--truth", truth], capsys)
     assert truth in said
     assert said.count("\n") == 1

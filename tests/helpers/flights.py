@@ -2,8 +2,6 @@
 
 import functools
 
-import numpy as np
-
 from glider.control.tvlqr import tracking_policy
 from glider.physics.effects import SERVO_LAG
 from glider.physics.model import GliderModel
@@ -42,9 +40,3 @@ def drake_policy():
 def policy():
     """Returns the compiled policy along the plan of the nominal model."""
     return tracking_policy(GliderModel(), plan_of())
-
-
-def draw_noise(count, commands, seed=5):
-    """Returns feedback noise of a poor motion capture."""
-    scale = [0.002, 0.002, 0.01, 0.01, 0.1, 0.1, 0.2]
-    return np.random.default_rng(seed).normal(size=(count, commands, 7)) * scale

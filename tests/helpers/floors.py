@@ -33,7 +33,6 @@ FLOORS = [
     "glider.verification.trials",
     "glider.verification",
     "glider.systems",
-    "glider.propagation",
     "glider.experiments",
     "glider.report.plots",
     "glider.report",

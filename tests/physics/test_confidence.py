@@ -17,7 +17,6 @@ from glider.physics.confidence import (
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS, WIND
 from glider.physics.model import GliderModel
-from glider.physics.parameters import GliderParameters
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.funnel.file import GlidersNote
 from glider.verification.funnel.funnel import _noted_confidence
@@ -182,11 +181,3 @@ def test_of_few_flights_it_is_as_much_larger():
 def test_degrees_of_freedom_suffice_for_the_numbers(freedom):
     with pytest.raises(InputError, match=r"degrees_of_freedom.*at least 3"):
         dataclasses.replace(KNOWN, degrees_of_freedom=freedom)
-
-
-def test_an_estimate_beyond_a_bound_stays_where_it_is():
-    """A bound is the tracer's; a wing may be farther ahead than it would search."""
-    model = GliderModel(parameters=GliderParameters(wing_offset=0.15))
-    for deviation, offset in ((0.0, 0.15), (0.02, 0.15), (-0.02, 0.13)):
-        moved = glider_at(model, ("wing_offset",), np.array([deviation]), truncate=True)
-        assert moved.parameters.wing_offset == pytest.approx(offset)

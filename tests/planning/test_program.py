@@ -28,6 +28,24 @@ def test_what_is_added_is_kept():
     assert result.get_optimal_cost() > 195.0
 
 
+def test_a_pole_is_flown_round():
+    """The article's plan passes through it."""
+    dc = perching_program(GliderModel(), knots=21)
+    x, z = dc.state()[:2]
+    dc.AddConstraintToAllKnotPoints((x + 1.75) ** 2 + (z - 0.2) ** 2 >= 0.2**2)
+    free = perching_program(GliderModel(), knots=21)
+    nearest = []
+    for program in (free, dc):
+        result = SnoptSolver().Solve(program.prog())
+        assert result.is_success()
+        places = program.GetStateSamples(result)[:2].T
+        away = np.linalg.norm(places - [-1.75, 0.2], axis=1)
+        nearest.append(away.min())
+    without, with_pole = nearest
+    assert without < 0.195
+    assert with_pole > 0.2 - 1e-5
+
+
 def test_constraints_have_names():
     dc = perching_program(GliderModel(), PerchingProblem(), knots=5)
     names = {

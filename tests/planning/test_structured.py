@@ -12,13 +12,14 @@ from glider.compiled import collocation, stages
 from glider.compiled.collocation import LOOPS as POINTS
 from glider.compiled.collocation import PathDynamics
 from glider.compiled.interior_point import _make_scratch
+from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.planning.dircol import PlanningError, plan
 from glider.planning.guess import straight_line
 from glider.planning.problem import PerchingProblem
-from glider.planning.structured import make_program, solve_structured
+from glider.planning.structured import can_perch, make_program, solve_structured
 from glider.systems.plant import GliderPlant
 from tests.helpers.optimality import check_optimality
 
@@ -236,3 +237,15 @@ def test_only_the_dynamics_are_compiled_for_other_effects():
     plan(LAGGING, PROBLEM, knots=(5,))
     plan(BLOWN, PROBLEM, knots=(5,))
     assert [len(f.signatures) for f in own] == before
+
+
+def test_slow_launches_cannot_perch_and_plan_agrees():
+    launches = [[*PROBLEM.launch[:4], v, 0.0, 0.0] for v in (4.5, 5.0, 5.5, 6.5, 7, 8)]
+    found = [can_perch(MODEL, PROBLEM, launch) for launch in launches]
+    assert found == [False, False, False, True, True, True]
+    slow, fast = (dataclasses.replace(PROBLEM, launch=launches[k]) for k in (2, 3))
+    assert plan(MODEL, fast).attempts
+    with pytest.raises(PlanningError):
+        plan(MODEL, slow)
+    with pytest.raises(InputError, match="field 'launch'"):
+        can_perch(MODEL, PROBLEM, [0.0, 0.0, 0.0])

@@ -16,7 +16,7 @@ from glider.physics.effects import DYNAMIC_STALL, WIND
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.simulation.flown_flights import closest_pass
-from glider.simulation.fly import _CHUNK, _make_clock, fly, full_starts, sweep
+from glider.simulation.fly import _CHUNK, fly, full_starts, sweep
 from glider.systems.regulator import tracking_regulator
 from tests.helpers.flights import (
     LAGGING,
@@ -24,7 +24,6 @@ from tests.helpers.flights import (
     NOMINAL,
     PROBLEM,
     drake_policy,
-    draw_noise,
     plan_of,
     policy,
 )
@@ -40,36 +39,18 @@ def launches(count, spread=FAR, seed=0):
 
 
 @pytest.mark.parametrize(
-    ("truth", "rate", "noisy"),
-    [
-        (NOMINAL, None, False),
-        (NOMINAL, 50.0, False),
-        (NOMINAL, 100.0, True),
-        (LAGGING, 50.0, True),
-    ],
-    ids=["at once", "held", "held and noisy", "another truth"],
+    ("truth", "rate"),
+    [(NOMINAL, None), (NOMINAL, 50.0), (LAGGING, 50.0)],
+    ids=["at once", "held", "another truth"],
 )
-def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
+def test_flight_by_flight_it_is_drakes_diagram(truth, rate):
     """End states and misses to 1e-5, with the nominal model's servo at its limits."""
     starts = launches(2, FAR if truth is NOMINAL else {}, seed=4)
-    clock = _make_clock(drake_policy(), rate, step=0.0005)
-    noise = draw_noise(len(starts), clock.commands) if noisy else None
-    ours = fly(
-        truth, drake_policy(), starts, command_rate=rate, noise=noise, step=0.0005
-    )
-    diagram = closed_loop(
-        truth,
-        tracking_regulator(GliderModel(), plan_of()),
-        command_rate=rate,
-        feedback_noise=noisy,
-    )
+    ours = fly(truth, drake_policy(), starts, command_rate=rate, step=0.0005)
+    regulator = tracking_regulator(GliderModel(), plan_of())
+    diagram = closed_loop(truth, regulator, command_rate=rate)
     drakes = simulate_flights(
-        diagram,
-        starts,
-        ours.times[-1],
-        problem=NO_HOOK,
-        feedback_noise=noise,
-        accuracy=1e-8,
+        diagram, starts, ours.times[-1], problem=NO_HOOK, accuracy=1e-8
     )
     ends = np.array([flight.states[-1] for flight in drakes])
     np.testing.assert_allclose(ours.ends, ends, atol=1e-5)
@@ -88,13 +69,9 @@ def test_flight_by_flight_it_is_drakes_diagram(truth, rate, noisy):
 
 def test_a_batch_is_its_flights_one_by_one():
     starts = launches(BLOCK + 3)
-    clock = _make_clock(policy(), 50.0)
-    noise = draw_noise(len(starts), clock.commands)
-    many = fly(
-        NOMINAL, policy(), starts, command_rate=50.0, noise=noise, keep_paths=True
-    )
+    many = fly(NOMINAL, policy(), starts, command_rate=50.0, keep_paths=True)
     for k in (0, BLOCK - 1, BLOCK, BLOCK + 2):
-        one = fly(NOMINAL, policy(), starts[[k]], command_rate=50.0, noise=noise[[k]])
+        one = fly(NOMINAL, policy(), starts[[k]], command_rate=50.0)
         np.testing.assert_allclose(many.ends[k], one.ends[0], rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(many.miss[k], one.miss[0], rtol=1e-9)
         assert one.paths is None
@@ -159,8 +136,6 @@ def test_a_policy_with_states_of_its_own_needs_the_observer():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"noise": np.zeros((2, 3, 7))}, "the command rate is None"),
-        ({"noise": np.zeros((2, 3, 7)), "command_rate": 50.0}, r"\(2, 49, 7\)"),
         ({"command_rate": 0.0}, "command rate is 0.0"),
         ({"step": 0.0}, "step is 0.0"),
         ({"after": -1.0}, "'after' is -1.0"),
@@ -280,18 +255,6 @@ def test_a_policy_can_go_to_another_process():
     starts = launches(10)
     first = fly(NOMINAL, policy(), starts, problem=PROBLEM)
     assert_same(first, fly(again[0], again[1], starts, problem=again[2]))
-
-
-def test_noise_makes_flights_worse():
-    starts, clock = launches(300, {}), _make_clock(policy(), 50.0)
-    deviations = (0.002, 0.002, 0.01, 0.01, 0.1, 0.1, 0.2)
-    rng = np.random.default_rng(0)
-    noise = rng.normal(size=(300, clock.commands, 7)) * deviations
-    quiet, noisy = (
-        fly(NOMINAL, policy(), starts, command_rate=50.0, noise=given)
-        for given in (None, noise)
-    )
-    assert np.mean(noisy.miss) > 1.5 * np.mean(quiet.miss)
 
 
 def test_a_sweep_without_flights_is_refused():

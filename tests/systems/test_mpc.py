@@ -16,7 +16,7 @@ from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
 from glider.planning import structured
 from glider.planning.guess import straight_line
-from glider.planning.problem import Obstacle, PerchingProblem
+from glider.planning.problem import PerchingProblem
 from glider.planning.structured import make_program, solve_structured
 from glider.systems.mpc import ModelPredictiveController
 from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM
@@ -142,23 +142,6 @@ def test_who_need_not_arrive_ends_where_it_is_cheapest():
     assert np.all(np.isinf(low[-1, [0, 1, 4, 5]])) and not program.is_held
 
 
-def test_a_state_inside_a_clearance_is_planned_out_of_or_the_last_plan_goes_on():
-    behind = Obstacle(center=[-3.54, 0.1], radius=0.035, clearance=0.004)
-    problem = dataclasses.replace(REPLANNING, obstacles=[behind])
-    replanner = Replanner(NOMINAL, problem)
-    known = replanner.plan_first()
-    inside = LAUNCH - [0.003, 0, 0, 0, 0, 0, 0]
-    again = replanner.plan_again(known, 0.0, inside)
-    assert again.plans == 1 and again.failures == 0
-    ahead = Obstacle(center=[-3.3, 0.1], radius=0.15, clearance=0.04)
-    deep = LAUNCH + np.array([0.1, 0, 0, 0, 0, 0, 0])
-    for obstacles, failures in (([], 0), ([ahead], 1)):
-        problem = dataclasses.replace(REPLANNING, obstacles=obstacles)
-        last = Replanner(NOMINAL, problem).plan_again(known, 0.0, deep)
-        assert last.failures == failures
-        assert (last.flight is known.flight) == bool(failures)
-
-
 def test_what_cannot_be_planned_for_is_refused(monkeypatch):
     with pytest.raises(InputError, match="command rate is nan"):
         controller(command_rate=np.nan)
@@ -179,24 +162,3 @@ def test_what_cannot_be_planned_for_is_refused(monkeypatch):
     )
     with pytest.raises(InputError, match="status is 'out of steps"):
         controller()
-
-
-def fly_replanned(problem):
-    """Returns the flight under MPC from the planned launch, and what it planned."""
-    made = []
-    system = ModelPredictiveController(NOMINAL, problem, watch=made.append)
-    diagram = closed_loop(NOMINAL, system, planned=NOMINAL)
-    [flight] = simulate_flights(diagram, LAUNCH, 1.1, problem=PROBLEM)
-    return flight, made[-1]
-
-
-def test_it_flies_round_an_obstacle():
-    """A pole in the way of the flight that there is without it."""
-    straight, _ = fly_replanned(REPLANNING)
-    x, z = straight.states[len(straight.states) // 2, :2]
-    pole = Obstacle(center=[x, z + 0.1], radius=0.15, clearance=0.03)
-    hindered, planned = fly_replanned(dataclasses.replace(REPLANNING, obstacles=[pole]))
-    assert pole.contains(straight.states[:, :2]).any()
-    assert not pole.contains(hindered.states[:, :2]).any()
-    assert hindered.perched
-    assert planned.failures < 0.2 * planned.plans

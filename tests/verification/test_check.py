@@ -8,7 +8,6 @@ import pytest
 from glider.physics.effects.geometry import WIND
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
-from glider.planning.problem import Obstacle, PerchingProblem
 from glider.verification.dynamics.nominal import evaluate
 from glider.verification.funnel.growth import _remainder_form
 from glider.verification.funnel.servo_limits import servo_bounds
@@ -16,7 +15,7 @@ from glider.verification.proof.check import _largest_between, check_funnel
 from glider.verification.proof.exact_check import _check_time, exact_faults
 from glider.verification.proof.interval import at_time
 from glider.verification.proof.interval_growth import BALL_BITS, _growth_forms
-from glider.verification.proof.purpose import Purpose, _model_faults
+from glider.verification.proof.purpose import _model_faults
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import (
     higher_forms,
@@ -153,16 +152,6 @@ def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
     unknown = NO_DEFECT.copy()
     unknown[100] = np.nan  # Not the first that is looked at.
     assert np.isnan(_largest_between(funnel, unknown, rng, 20))
-
-
-def test_obstacles_are_not_proven(funnel):
-    """Not even one that the nominal keeps clear of."""
-    far = Obstacle(center=[-1.0, -0.7], radius=0.1)
-    clear = Purpose(problem=PerchingProblem())
-    assert clear.faults_of(funnel) == []
-    hidden = Purpose(problem=PerchingProblem(obstacles=[far]))
-    [fault] = hidden.faults_of(funnel)
-    assert "obstacles" in fault and "not proven" in fault
 
 
 def test_a_funnel_of_another_glider_names_what_differs(funnel):

@@ -185,7 +185,7 @@ def test_a_bomb_is_refused_without_the_memory_it_asks_for(source, tmp_path, caps
                 for _ in range(300 if name == "S.npy" else 0):
                     stream.write(bytes(10**6))
     tracemalloc.start()
-    code = main(["check-funnel", str(path), *FEW, "--least-inlet", "9"])
+    code = main(["check-funnel", str(path), *FEW])
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     capsys.readouterr()

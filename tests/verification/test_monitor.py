@@ -6,8 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from diagrams.loops import estimated_loop
-from diagrams.wiring import tape_rows
+from diagrams.loops import estimated_loop, tape_rows
 from glider.errors import InputError
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, PROCESS

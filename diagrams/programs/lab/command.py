@@ -29,11 +29,9 @@ served on this computer only, to those who have the address with its token.
 examples:
   glider lab out/session
   glider lab out/session --simulate head_wind             # launch from the page
-  glider lab out/session --simulate head_wind --headless
   glider fly --simulate head_wind --model out/session/lab/report/model.yaml
 
-exit code: 0 when the session was completed, 2 when the input cannot be used, or when
-launches or the trace failed.
+exit code: 0 when the session was ended, 2 when the input cannot be used.
 """
 
 
@@ -44,10 +42,8 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument("--simulate", metavar="TRUTH", help=words)
     words = "scenario of the station, for its bus, or of simulated launches"
     parser.add_path("--scenario", "YAML", words)
-    words = "simulated launches before the correction, and after (default: 10)"
+    words = "simulated launches that the page offers at a time (default: 10)"
     parser.add_number("--throws", words, 10)
-    words = "no page: complete the simulated session and end"
-    parser.add_switch("--headless", words)
     parser.add_number("--port", "of the page (default: any free one)", 0)
     parser.add_seed("of simulated launches and noise")
 
@@ -57,9 +53,6 @@ def run(args: argparse.Namespace) -> int:
     check_seed(args.seed)
     expect(args.throws >= 3, "--throws", args.throws, "at least 3")
     expect(0 <= args.port < 1 << 16, "--port", args.port, "from 0 to 65535")
-    is_simulated = args.simulate is not None
-    expected = "--simulate too (glider close-the-loop traces the throws that are there)"
-    expect(is_simulated or not args.headless, "--headless", "alone", expected)
     from diagrams.programs.lab.launches import Launches
     from diagrams.programs.station.bus import free_address
     from diagrams.programs.station.scenario import Scenario, Simulation, load_scenario
@@ -67,16 +60,10 @@ def run(args: argparse.Namespace) -> int:
     scenario = load_scenario(args.scenario) if args.scenario else Scenario()
     launches = None
     bus = scenario.address
-    if is_simulated:
+    if args.simulate is not None:
         simulation = scenario.simulation or Simulation()
         simulation = dataclasses.replace(simulation, truth=args.simulate)
         _ = dataclasses.replace(scenario, simulation=simulation).truth  # It is there.
-        if args.headless:
-            from diagrams.programs.lab.simulated import fly_session
-
-            given = args.folder, args.simulate, args.throws, args.seed
-            fly_session(*given, _show, args.scenario)
-            return 0
         bus = scenario.bus or free_address()
         args.folder.mkdir(parents=True, exist_ok=True)
         launches = Launches(

@@ -170,12 +170,6 @@ class LabSession:
             self.fault = ""
         return not self.fault
 
-    def update(self) -> None:
-        """Reads, checks and flies again whatever is new in the folder, now."""
-        self._list()
-        while self._looking or self._next_look():
-            self._look(waits=True)
-
     def _list(self) -> None:
         """Lists the throws that there are, before the first new one is flown again."""
         notes: list[str] = []
@@ -192,16 +186,16 @@ class LabSession:
         traces = _without_faults(self.state).traces
         self._change(traces=traces, throws=tuple(throws), notes=tuple(notes))
 
-    def _look(self, *, waits: bool = False) -> None:
+    def _look(self) -> None:
         """Has the throws checked and flown again, one after the other, in a thread.
 
         Whatever this takes, as where code is compiled first, others are listed.
         """
-        if self._looking and (waits or self._looking.done()):
+        if self._looking and self._looking.done():
             looking = self._looking
             self._looking = None
             self._add(looking.result())
-        look = self._next_look() or (None if waits else self._next_late_look())
+        look = self._next_look() or self._next_late_look()
         if look and self._looking is None:
             self._looking = self._looker.submit(look)
             self._looking_since = time.monotonic()
@@ -248,19 +242,6 @@ class LabSession:
             excluded = self.state.excluded if found.excluded is None else found.excluded
             notes = self.state.notes + found.notes
             self._change(excluded=excluded, notes=notes)
-
-    def finish(self) -> None:
-        """Reads what is there and waits until it is traced."""
-        self.update()
-        while True:
-            if self._worker.job is None:
-                job = self._next_job(proposes=False)
-                if job is None:
-                    return
-                self._worker.start(job)
-                self._progress(self.doing)
-            if answer := self._worker.wait(60.0):
-                self._take(answer)
 
     def close(self) -> None:
         """Ends what runs in the background, and lets another have the folder."""
@@ -347,7 +328,7 @@ class LabSession:
         """Does what the next throw needs."""
         self._rollouts_of(campaign, self._models(campaign))
 
-    def _next_job(self, *, proposes: bool = True) -> Job | MapJob | None:
+    def _next_job(self) -> Job | MapJob | None:
         """What remains: a map to be checked, throws to be traced, then a proposal."""
         state = self.state
         asked = self.asked_map
@@ -368,7 +349,7 @@ class LabSession:
         faults = sum(t.is_fault and t.sha256 == digest for t in state.traces)
         if last is None or last.sha256 != digest or 0 < faults <= _RETRIES:
             return trace
-        if last.refusal or not proposes:
+        if last.refusal:
             return None
         path = self.watched.path
         done = state.proposal

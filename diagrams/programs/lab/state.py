@@ -109,16 +109,6 @@ class State:
         """The last trace that has an answer."""
         return next((t for t in reversed(self.traces) if not t.refusal), None)
 
-    @property
-    def before(self) -> tuple[int, int]:
-        """Number of perches, and of launches, with the nominal plan."""
-        return self.count_perches(NOMINAL)
-
-    @property
-    def after(self) -> tuple[int, int]:
-        """The same with the corrected plan."""
-        return self.count_perches(CORRECTED)
-
     def count_perches(self, planned: str) -> tuple[int, int]:
         """Number of perches, and of launches, with plans of one model."""
         flown = [t.perched for t in self.throws if t.planned == planned]

@@ -16,8 +16,8 @@ commands of its elevator back, and logs every throw as a flight of a campaign.
 --simulate puts a simulated glider on a bus of its own, unless the scenario names one: a
 process with a launcher, a servo, and cameras that lose and delay frames. It has effects
 that the planner's model lacks. Without it the drivers of cameras and servo are started
-beside this command: python -m diagrams.programs.station.drivers.natnet --help, and
-.servo_board.
+beside this command: diagrams.programs.station.drivers.poses shows one of the cameras,
+python -m diagrams.programs.station.drivers.servo_board --help is that of the servo.
 """
 
 EPILOG = """\

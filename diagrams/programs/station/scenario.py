@@ -129,19 +129,6 @@ class Limits:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Fault:
-    """A fault of the simulated cameras, planned for each throw."""
-
-    kind: Literal["lost", "nan", "swapped", "frozen", "no_elevator", "turned"] = "lost"
-    at: float = 0.3  #: Since release [s].
-    duration: float = 0.1  #: [s]
-
-    def __post_init__(self):
-        """Raises InputError where a number cannot be."""
-        _check(self, ("at",))
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class Simulation:
     """A simulated glider on the bus, its launcher and its cameras."""
 
@@ -156,7 +143,6 @@ class Simulation:
     clock_offset: float = 1000.0  #: Of the cameras' clock [s].
     clock_drift: float = 50e-6  #: Of the cameras' clock [s/s].
     servo_latency: float = 0.004  #: From a command sent until the servo moves [s].
-    faults: list[Fault] = dataclasses.field(default_factory=list)
 
     def __post_init__(self):
         """Raises InputError where a number cannot be."""

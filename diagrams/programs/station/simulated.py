@@ -35,7 +35,7 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.errors import expect
 from glider.physics.model import GliderModel
-from glider.physics.state import ELEVATOR, PITCH, POSITION, VELOCITY
+from glider.physics.state import ELEVATOR, POSITION, VELOCITY
 from glider.planning.problem import PerchingProblem
 from glider.simulation.fly import STEP
 
@@ -59,8 +59,8 @@ class Cameras:
 
     Args:
         rate: of the frames [Hz].
-        settings: faults and clock.
-        rng: of noise and faults.
+        settings: delays, losses and clock.
+        rng: of noise, delays and losses.
     """
 
     def __init__(
@@ -71,28 +71,19 @@ class Cameras:
         self._rng = rng
         self._noise = MotionCapture(rate=rate)
         self._coming: list[tuple[float, int, float, tuple[float, ...]]] = []
-        self._last = np.zeros(4)
         self._count = 0
 
-    def expose(self, now: float, flown: float, shown: np.ndarray) -> None:
-        """Takes a frame of what is shown (4,), `flown` seconds after release."""
+    def see(self, now: float, shown: np.ndarray) -> np.ndarray:
+        """Adds noise to what is shown (4,) at a time [s]."""
+        return shown + self._noise.draw(self._rng)
+
+    def expose(self, now: float, shown: np.ndarray) -> None:
+        """Takes a frame of what is shown (4,) at a time [s]."""
         cameras = self._settings
         rng = self._rng
         self._count += 1
-        seen = shown + self._noise.draw(rng)
-        fault = self._fault_at(flown)
-        if fault == "frozen":
-            seen = self._last
-        elif fault == "nan":
-            seen = np.full(4, math.nan)
-        elif fault == "swapped":
-            seen[PITCH] += math.pi
-        elif fault == "turned":
-            seen[ELEVATOR] += math.pi
-        elif fault == "no_elevator":
-            seen[ELEVATOR] = math.nan
-        self._last = seen
-        if fault == "lost" or rng.random() < cameras.lost:
+        seen = self.see(now, shown)
+        if rng.random() < cameras.lost:
             return
         delay = cameras.latency + rng.exponential(cameras.jitter)
         if rng.random() < cameras.late:
@@ -102,12 +93,6 @@ class Cameras:
         heapq.heappush(self._coming, frame)
         if rng.random() < cameras.duplicated:
             heapq.heappush(self._coming, frame)
-
-    def _fault_at(self, flown: float) -> str:
-        for fault in self._settings.faults:
-            if fault.at <= flown < fault.at + fault.duration:
-                return fault.kind
-        return ""
 
     @property
     def next(self) -> float:
@@ -202,7 +187,7 @@ class SimulatedGlider:
         """Moves everything on to a time; returns when the next frame comes [s]."""
         while (due := self._start + self._frame / self._cameras.rate) <= now:
             self._move(due)
-            self._cameras.expose(due, due - self.released, self._show())
+            self._cameras.expose(due, self._show())
             self._frame += 1
         self._cameras.send(self._bus, now)
         return min(due, self._cameras.next)

@@ -111,7 +111,7 @@ def read_file(path: Path | str) -> tuple[Notes, dict[str, np.ndarray], str]:
         if not _may_be_a_funnel(path):
             raise InputError(
                 f"{path}: is not a funnel; expected a file that "
-                "examples/perching_funnel.py --save wrote (.npz)."
+                "funnels.save_funnel wrote (.npz)."
             )
         content = Path(path).read_bytes()
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

@@ -6,11 +6,10 @@ farther off than the goal reaches.
 """
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 
-from glider.errors import expect, show
+from glider.errors import show
 from glider.files.schema import parse_yaml
 from glider.physics.confidence import (
     LEVEL,
@@ -49,8 +48,6 @@ class Purpose:
     #: Its covariance, whose set of gliders must be contained in the funnel's, if that
     #: has one.
     covariance: Covariance | None = None
-    #: Least half-widths of the inlet, of states that deviate alone.
-    least_inlet: Mapping[str, float] = dataclasses.field(default_factory=dict)
     command_error: float = 0.0  #: That it must account for [rad/s].
     wind: float = 0.0  #: That it must account for [m/s].
     period: float | None = None  #: Time that its commands must be held [s].
@@ -67,7 +64,6 @@ class Purpose:
         faults = _model_faults(funnel, self.model) if self.model else []
         if self.covariance and funnel.is_of_set and not faults:
             faults = _set_faults(funnel, self)
-        faults += _inlet_faults(funnel, self.least_inlet)
         faults += _push_faults(funnel, self)
         if self.problem:
             faults += _problem_faults(funnel, self.problem)
@@ -161,23 +157,6 @@ def _set_faults(funnel, purpose):
     return unmet((own.covers(given), fault))
 
 
-def _inlet_faults(funnel, least):
-    """Returns where the inlet is narrower than least half-widths of states alone."""
-    names = funnel.nominal.model.state_names
-    widths = funnel.half_widths()
-    known = f"one of {', '.join(names)}"
-    faults = []
-    for name, width in least.items():
-        expect(name in names, "the least inlet: a state", name, known)
-        found = widths[names.index(name)]
-        fault = (
-            f"The inlet's half-width in {name} is {found:.3g}; expected at least "
-            f"{width:.3g}."
-        )
-        faults += unmet((found >= width, fault))
-    return faults
-
-
 def _push_faults(funnel, purpose):
     """Returns what a funnel leaves out of a command error, a wind and a period."""
     own = funnel.settings
@@ -221,17 +200,13 @@ def _launch_faults(funnel, problem):
 def _path_faults(funnel, problem):
     """Returns where a nominal flight leaves what a problem demands of its path.
 
-    The elevator's travel is the servo's, and proven. Obstacles are refused: the
-    funnel's sets are not compared with them.
+    The elevator's travel is the servo's, and proven.
     """
     states = funnel.nominal.states
     faults = []
     for bound in constraints_of(problem).path:
         faults += _beyond("The flight passes", bound, states[:, bound.state])
-    fault = (
-        "The problem has obstacles; that a funnel keeps clear of them is not proven."
-    )
-    return faults + unmet((not problem.obstacles, fault))
+    return faults
 
 
 def _beyond(words: str, bound: Bound, values: np.ndarray) -> list[str]:

@@ -1,6 +1,6 @@
 """From any tracker to the bus.
 
-A driver for Vicon, Qualisys or a camera of your own is what is left, twenty lines:
+What is left for a driver is twenty lines around the maker's own client. Vicon:
 
     from vicon_dssdk import ViconDataStream
 
@@ -18,9 +18,27 @@ A driver for Vicon, Qualisys or a camera of your own is what is left, twenty lin
             position = [0.001 * value for value in place]  # Vicon has mm.
             publisher.send(client.GetFrameNumber(), time, position, turn)
 
+OptiTrack, with the client of the NatNet SDK (not yet tried against a real Motive):
+
+    from NatNetClient import NatNetClient
+
+    room = Room(up="y", forward="x", nose="x", wire=[4.0, 1.2, 0.0])
+    publisher = PosePublisher("udpm://239.255.76.67:7667?ttl=0", room)
+    bodies = {}
+
+    def take_body(number, position, quaternion):
+        bodies[number] = position, quaternion
+
+    def take_frame(frame):
+        publisher.send(frame["frame_number"], frame["timestamp"], *bodies[1])
+
+    client = NatNetClient()
+    client.rigid_body_listener = take_body
+    client.new_frame_listener = take_frame
+    client.run()
+
 The time is that of the exposure, by any clock that does not jump; the quaternion is
-(x, y, z, w). An occluded glider is no pose.
-`python -m diagrams.programs.station.drivers.natnet` has the same in full.
+(x, y, z, w). An occluded glider is no pose; the station refuses one that is repeated.
 """
 
 import dataclasses

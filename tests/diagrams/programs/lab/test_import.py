@@ -20,6 +20,7 @@ from diagrams.programs.lab.gate import Address
 from diagrams.programs.lab.server import _LONGEST_MAP, make_app
 from diagrams.programs.lab.session import LabSession
 from glider.campaign.reader import load_campaign
+from tests.helpers.lab import update
 
 ADDRESS = Address(port=7000, token="a right token of the session")
 
@@ -96,14 +97,14 @@ def test_dropped_takes_become_throws_by_a_map_that_is_corrected(client, session)
     assert session.state.draft.refusal == "" and session.state.draft.flights == 3
     assert client.post("/map/save", content=good + " ").status_code == 400
     assert client.post("/map/save", content=good).status_code == 200
-    session.update()
+    update(session)
     assert [throw.is_drawn for throw in session.state.throws] == [True] * 3
     client.post("/takes/take 3.csv", content=make_take(3))
     assert next_map_job(session.watched, session.state.draft, None) is None
-    session.update()
+    update(session)
     assert len(session.state.throws) == 4
     (session.watched.path / "take 0.csv").unlink()
-    session.update()
+    update(session)
     names = ["flight_take 1.csv", "flight_take 2.csv", "flight_take 3.csv"]
     assert [throw.name for throw in session.state.throws] == names
     flight = load_campaign(session.watched.campaign).flights[0]
@@ -128,7 +129,7 @@ def test_takes_that_cannot_be_read_hold_up_no_other(session):
     (folder / "notes.txt").write_text("the second was thrown by Ann\n")
     (folder / "empty.csv").write_text("")
     (folder / "wurf_1 (2).csv").write_text(make_take(1))  # The same again.
-    session.update()
+    update(session)
     throws = session.state.throws
     assert len(throws) == 3 and all(throw.is_drawn for throw in throws)
     skipped = session.watched.skipped
@@ -138,7 +139,7 @@ def test_takes_that_cannot_be_read_hold_up_no_other(session):
     assert skipped["notes.txt"].startswith("notes.txt: ")
     for name in skipped:
         (folder / name).unlink()
-    session.update()
+    update(session)
     assert session.watched.skipped == {}
     assert len(session.state.throws) == 3
 
@@ -148,7 +149,7 @@ def test_a_map_that_no_take_fits_skips_none(session):
     (folder / "MAP.yaml").write_text(GOOD.replace("x_mm", "nothing"))
     for number in range(3):
         (folder / f"wurf_{number}.csv").write_text(make_take(number))
-    session.update()
+    update(session)
     assert session.state.throws == () and session.watched.skipped == {}
     assert any("nothing" in note for note in session.state.notes)
 
@@ -158,14 +159,14 @@ def test_a_throw_keeps_the_name_of_its_take(session):
     (folder / "MAP.yaml").write_text(GOOD)
     for number in range(4):
         (folder / f"wurf_{number}.csv").write_text(make_take(number))
-    session.update()
+    update(session)
     first = session.state.throws
     assert [t.name for t in first] == [f"flight_wurf_{k}.csv" for k in range(4)]
     assert [t.take for t in first] == [f"wurf_{k}.csv" for k in range(4)]
     assert all(t.written and not t.flown for t in first)
     (folder / "wurf_1.csv").unlink()
     (folder / "wurf_2.csv").rename(folder / "zuletzt.csv")
-    session.update()
+    update(session)
     names = [f"flight_{name}.csv" for name in ("wurf_0", "wurf_3", "zuletzt")]
     assert [t.name for t in session.state.throws] == names
     # What did not change was not flown again.

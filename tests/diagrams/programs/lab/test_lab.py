@@ -22,7 +22,6 @@ from diagrams.programs.lab.launches import Launches
 from diagrams.programs.lab.link import StationLink
 from diagrams.programs.lab.server import make_app
 from diagrams.programs.lab.session import LabSession
-from diagrams.programs.lab.simulated import fly_session
 from diagrams.programs.lab.state import Trace, load_state, trace_of
 from diagrams.programs.lab.tracing import Job
 from diagrams.programs.page import open_meshcat
@@ -38,6 +37,7 @@ from glider.simulation.refly import nominal_model
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import read_report
 from tests.helpers.answers import assert_same_answer
+from tests.helpers.lab import finish, update
 
 ADDRESS = Address(port=7000, token="a right token of the session")
 COOKIE = {ADDRESS.cookie: ADDRESS.token}
@@ -93,10 +93,10 @@ def test_throws_one_by_one_give_the_answer_of_a_full_run(folder, open_session):
     session = open_session()
     for number in range(6):
         drop(folder, number)
-        session.update()
+        update(session)
         if number in (1, 3):
-            session.finish()
-    session.finish()
+            finish(session)
+    finish(session)
     few, some, last = session.state.traces
     assert "expected at least 3" in few.refusal
     assert len(some.flights) == 4 and len(last.flights) == 6
@@ -114,14 +114,14 @@ def test_throws_one_by_one_give_the_answer_of_a_full_run(folder, open_session):
 def test_a_restart_goes_on_where_the_session_was(folder, open_session):
     drop(folder, 0, 1, 2)
     first = open_session()
-    first.finish()
+    finish(first)
     first.close()
     second = open_session()
     assert second.state == first.state and second.state.answer
-    second.finish()
+    finish(second)
     assert second.state == first.state  # Nothing was traced again.
     drop(folder, 3)
-    second.finish()
+    finish(second)
     assert [len(t.flights) for t in second.state.traces] == [3, 4]
     assert load_state(folder / "lab" / "session.json") == second.state
 
@@ -129,7 +129,7 @@ def test_a_restart_goes_on_where_the_session_was(folder, open_session):
 def test_a_trace_whose_process_was_killed_is_tried_again(folder, open_session):
     drop(folder, 0, 1, 2)
     session = open_session()
-    session.update()
+    update(session)
     for _ in range(2):  # Once more in this session, not for ever.
         session._worker.start(session._next_job())
         os.kill(session._worker._process.pid, signal.SIGKILL)
@@ -145,12 +145,13 @@ def test_a_trace_whose_process_was_killed_is_tried_again(folder, open_session):
 def test_throws_before_the_first_answer_are_flown_again_by_it(folder, open_session):
     session = open_session()
     drop(folder, 0, 1, 2)
-    session.finish()
+    finish(session)
     assert all(set(t.errors) == {"nominal"} for t in session.state.throws)
     before = session.state.throws[-1].errors["nominal"]
     session.step(traces=False)
     while not session.state.throws[-1].is_fitted:
-        session._look(waits=True)
+        time.sleep(0.01)
+        session._look()
     *others, last = session.state.throws
     # Whoever looks at it before the first trace sees what is seen after it.
     assert last.errors["nominal"] == pytest.approx(before, rel=1e-6)
@@ -159,7 +160,7 @@ def test_throws_before_the_first_answer_are_flown_again_by_it(folder, open_sessi
     assert last.errors["corrected"] < 0.2 * last.errors["nominal"] and last.is_fitted
     assert not any(throw.is_fitted for throw in others)  # One at a time.
     drop(folder, 3)
-    session.update()
+    update(session)
     assert not session.state.throws[-1].is_fitted
     assert set(session.state.throws[-1].errors) == {"nominal", "corrected"}
 
@@ -170,19 +171,19 @@ def test_a_throw_that_cannot_be_read_is_named_and_the_others_count(
     drop(folder, 0, 1)
     (folder / "flight_002.csv").write_text("time,x\n0,oops\n")
     session = open_session()
-    session.update()
+    update(session)
     *_, bad = session.state.throws
     assert not bad.is_read and "flight_002.csv" in bad.fault
     assert session.state.flights == ("flight_000.csv", "flight_001.csv")
     drop(folder, 2)  # The same name again, whole.
-    session.update()
+    update(session)
     assert session.state.throws[-1].is_read and not session.state.throws[-1].fault
 
 
 def test_corrected_settings_make_every_throw_new(folder, open_session):
     drop(folder, 0, 1)
     session, settings = open_session(), folder / "campaign.yaml"
-    session.update()
+    update(session)
     session.report.mkdir()
     nominal_model(load_campaign(folder)).save(session.report / "model.yaml")
     session._take(Trace(flights=session.state.flights, sha256="of other throws"))
@@ -211,14 +212,14 @@ def test_corrected_settings_make_every_throw_new(folder, open_session):
 def test_throws_that_changed_since_are_no_answer(folder, open_session):
     drop(folder, 0, 1, 2)
     session = open_session()
-    session.update()
+    update(session)
     job = session._next_job()
     drop(folder, 3)
     (folder / "flight_003.csv").replace(folder / "flight_001.csv")
     answer = job.run()
     assert answer.is_fault and "changed" in answer.refusal
     session._take(answer)
-    session.update()
+    update(session)
     assert session.state.traces == ()  # What it was asked for is no more.
     assert session._next_job().sha256 != job.sha256
 
@@ -297,24 +298,10 @@ def test_throws_are_listed_while_the_first_one_is_still_read(
     assert session.doing == "tracing (4 throws)"
 
 
-def test_launches_that_fail_leave_a_session_incomplete(folder, monkeypatch):
-    shown = []
-    died = subprocess.Popen([sys.executable, "-c", "raise SystemExit(1)"])
-    monkeypatch.setattr(Launches, "start", lambda *given: died)
-    with pytest.raises(InputError, match="expected 3 with the nominal plan"):
-        fly_session(folder, "head_wind", 3, 0, shown.append)
-    assert not any("Perches" in line for line in shown)
-
-
-def test_without_a_page_there_is_a_glider_to_be_launched(folder, capsys):
-    assert main(["lab", str(folder), "--headless"]) == 2
-    assert "expected --simulate too" in capsys.readouterr().err
-
-
 def test_a_glider_that_is_not_known_is_refused_before_a_folder_is_made(
     tmp_path, capsys
 ):
-    command = ["lab", str(tmp_path / "new"), "--simulate", "nope", "--headless"]
+    command = ["lab", str(tmp_path / "new"), "--simulate", "nope"]
     assert main(command) == 2
     assert (
         "nope: does not exist; expected a file, or the name of"
@@ -336,7 +323,7 @@ def test_a_next_throw_that_cannot_be_found_is_said_and_tried_again(
 ):
     drop(folder, 0, 1, 2)
     session = open_session()
-    session.update()
+    update(session)
     trace = session._next_job()
     session._take(Trace(flights=trace.flights, sha256=trace.sha256))
     job = session._next_job()
@@ -359,8 +346,9 @@ def test_a_next_throw_that_cannot_be_found_is_said_and_tried_again(
 ORPHANS = """
 import os, pathlib, sys, time
 from diagrams.programs.lab.session import LabSession
+from tests.helpers.lab import update
 session = LabSession(pathlib.Path(sys.argv[1]))
-session.update()
+update(session)
 worker = session._worker
 worker.start(session._next_job())
 print(worker._process.pid, flush=True)
@@ -407,21 +395,28 @@ def test_a_process_whose_parent_is_gone_already_ends_at_once():
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("truth", ["head_wind", "slow_servo", "floor_vent"])
-def test_a_session_is_over_in_three_minutes_and_the_glider_perches(tmp_path, truth):
+def test_in_three_minutes_and_commands_the_glider_perches(tmp_path, truth):
     """In real time: other work on this computer would delay commands."""
-    command = [sys.executable, "-m", "glider", "lab", tmp_path / "session"]
     began = time.monotonic()
-    done = subprocess.run(
-        [*command, "--simulate", truth, "--headless"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    *_, last = done.stdout.splitlines()
-    assert last.startswith("Perches: 0 of 10 before, ")
-    perched = int(last.removeprefix("Perches: 0 of 10 before, ").split()[0])
-    assert perched >= 9 and last.endswith("of 10 after the correction.")
+    session, report = tmp_path / "session", tmp_path / "report"
+    fly = ["fly", "--simulate", truth]
+    perched = []
+    for command in (
+        [*fly, "--log", session],
+        ["close-the-loop", session, "--out", report],
+        [*fly, "--model", report / "model.yaml", "--log", tmp_path / "after"],
+    ):
+        done = subprocess.run(
+            [sys.executable, "-m", "glider", *command],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        perched += re.findall(r"(\d+) of 10 perched", done.stdout)
+    before, after = map(int, perched)
+    assert before == 0
+    assert after >= 9
     assert time.monotonic() - began < 180.0
 
 
@@ -429,7 +424,7 @@ def test_a_session_is_over_in_three_minutes_and_the_glider_perches(tmp_path, tru
 def client(folder, open_session):
     drop(folder, 0)
     session = open_session()
-    session.update()
+    update(session)
     session.launches = Launches(folder=folder, truth="head_wind")
     app = make_app(session, ADDRESS)
     app.state.session = session

@@ -12,6 +12,7 @@ from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.report.wording import headline
 from glider.sysid.pipeline import close_the_loop
+from tests.helpers.lab import finish, update
 
 MEASURED = Path(__file__).parents[5] / "shared" / "measured"
 
@@ -36,12 +37,12 @@ def session(tmp_path):
 
 def test_takes_one_by_one_give_the_flights_of_an_import_of_all(tmp_path, session):
     (tmp_path / "MAP.yaml").write_text(MAP)
-    session.update()
+    update(session)
     assert session.state.throws == ()
     takes = sorted((MEASURED / "raw_motive").glob("*.csv"))
     for count, take in enumerate(takes, start=1):
         shutil.copy(take, tmp_path)
-        session.update()
+        update(session)
         copies = [tmp_path / take.name for take in takes[:count]]
         try:
             imported = read_flights(copies, tmp_path / "MAP.yaml").campaign.flights
@@ -62,10 +63,10 @@ def test_measured_throws_one_by_one_give_the_answer_of_a_full_run(tmp_path, sess
     shutil.copy(source / "campaign.yaml", tmp_path)
     for number in range(23):
         shutil.copy(source / f"flight_{number:03d}.csv", tmp_path)
-        session.update()
+        update(session)
         if number + 1 not in (3, 6, 12, 23):
             continue
-        session.finish()
+        finish(session)
         last = session.state.traces[-1]
         assert len(last.flights) == number + 1
         full = close_the_loop(source, flights=last.flights)

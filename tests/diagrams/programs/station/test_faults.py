@@ -19,14 +19,58 @@ from diagrams.programs.station.bus import (
     POSE_FIELDS,
     Bus,
 )
-from diagrams.programs.station.scenario import Fault, Limits, Release, Servo, Simulation
+from diagrams.programs.station.scenario import Limits, Release, Servo, Simulation
+from diagrams.programs.station.simulated import Cameras
 from diagrams.programs.station.throw_log import ThrowLog, flight_of, read_throw
 from glider.campaign.reader import load_campaign
 from glider.physics.model import GliderModel
+from glider.physics.state import ELEVATOR, PITCH
 from tests.helpers.lockstep import Lockstep
 
 SAFE = 0.05
 """Time within which the elevator must be on its way to neutral [s]."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A fault of the cameras in each throw."""
+
+    kind: str
+    at: float  #: Since release [s].
+    duration: float  #: [s]
+
+
+class FaultyCameras(Cameras):
+    """The cameras of a simulated glider, with a fault in each throw."""
+
+    def __init__(self, glider, fault):
+        vars(self).update(vars(glider._cameras))
+        self._glider, self.fault, self._last = glider, fault, np.zeros(4)
+
+    def _kind(self, now):
+        flown = now - self._glider.released
+        fault = self.fault
+        is_on = fault and fault.at <= flown < fault.at + fault.duration
+        return fault.kind if is_on else ""
+
+    def see(self, now, shown):
+        seen, kind = super().see(now, shown), self._kind(now)
+        if kind == "frozen":
+            seen = self._last
+        elif kind == "nan":
+            seen = np.full(4, np.nan)
+        elif kind == "swapped":
+            seen[PITCH] += np.pi
+        elif kind == "turned":
+            seen[ELEVATOR] += np.pi
+        elif kind == "no_elevator":
+            seen[ELEVATOR] = np.nan
+        self._last = seen
+        return seen
+
+    def expose(self, now, shown):
+        if self._kind(now) != "lost":
+            super().expose(now, shown)
 
 
 @pytest.fixture
@@ -35,9 +79,11 @@ def make_lab(tmp_path):
     GliderModel().save(tmp_path / "nominal.yaml")
     truth = str(tmp_path / "nominal.yaml")
 
-    def make(*faults, changes=None, **simulation):
-        sim = Simulation(truth=truth, faults=list(faults), **simulation)
-        return Lockstep(tmp_path / "s", sim, **(changes or {}))
+    def make(fault=None, changes=None, **simulation):
+        sim = Simulation(truth=truth, **simulation)
+        lab = Lockstep(tmp_path / "s", sim, **(changes or {}))
+        lab.glider._cameras = FaultyCameras(lab.glider, fault)
+        return lab
 
     return make
 
@@ -61,8 +107,7 @@ def check_stopped(lab, begin, reason):
 
 def check_next_throw(lab):
     """Checks that the next throw perches."""
-    lab.glider._settings = dataclasses.replace(lab.glider._settings, faults=[])
-    lab.glider._cameras._settings = lab.glider._settings
+    lab.glider._cameras.fault = None
     [throw] = lab.fly()
     assert throw.perched, lab.lines
     records = sorted(lab.folder.glob("throw_*.mcap"))

@@ -303,7 +303,6 @@ def test_before_the_first_command_the_elevator_rests_at_neutral(tmp_path, nomina
         ("simulation: {jitter: -1}", "field 'jitter' is -1.0"),
         ("simulation: {acceleration: 0}", "field 'acceleration' is 0.0; expected pos"),
         ("simulation: {clock_drift: .inf}", "field 'clock_drift' is inf"),
-        ("simulation: {faults: [{duration: -1}]}", "field 'duration' is -1.0"),
     ],
 )
 def test_a_wrong_scenario_is_one_sentence(tmp_path, text, message):
