@@ -85,10 +85,11 @@ class Analysis:
         with self.stage("refit", "refitting the flat plate alone"):
             baseline = traced.bare
             if traced.forces is None:  # To the log as it is, signs and all.
-                fitted = [r.name for r in task.records]
-                logged = task.on(flights.of("refitted", fitted))
+                names = [record.name for record in task.records]
+                as_logged = task.on(flights.of("refitted", names))
                 free = self.vehicle.baseline_slots
-                baseline = fit_model(logged, dataclasses.replace(baseline, free=free))
+                baseline = dataclasses.replace(baseline, free=free)
+                baseline = fit_model(as_logged, baseline)
 
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(task, model)
@@ -100,7 +101,7 @@ class Analysis:
             alternatives, known = _weigh(found)
             effects = outcome.effects_of(task, traced, known, spreads, flights.signs)
 
-        logged = self.inspection.campaign
+        campaign = self.inspection.campaign
         doubt = self._doubt(found)
         verdict, reason = judge(
             traced, folds, evaluated["errors"], effects, evaluated["left"], doubt
@@ -111,19 +112,19 @@ class Analysis:
         excluded = result.excluded_among(rows)
         flown = tuple(flight.name for flight in evaluated["held_out"])
         fitted = tuple(name for name in self.fitted if name not in found.outlying)
-        names = result.FlightNames(fitted, flown)
-        rolling = {f.name: describe_planarity(f) for f in logged.flights}
+        flights_of = result.FlightNames(fitted, flown)
+        rolling = {f.name: describe_planarity(f) for f in campaign.flights}
         covariance = outcome.covariance_of(task, known)
         of_effects = covariance and covariance.among(model.kinds)
         scales = model.scales
         space = self.vehicle.space
         whole = result.Result(
-            campaign=logged.name,
-            path=logged.path,
-            flights=names,
+            campaign=campaign.name,
+            path=campaign.path,
+            flights=flights_of,
             knows_forces=self.vehicle.knows_forces,
             verdict=verdict,
-            reason=with_excluded(reason, excluded, names.count + len(excluded)),
+            reason=with_excluded(reason, excluded, flights_of.count + len(excluded)),
             effects=effects,
             **evaluated,
             evidence_threshold=traced.threshold,
