@@ -12,6 +12,7 @@ from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.outcome import (
     _rivals_of,
+    covariance_of,
     effects_of,
     model_of,
     spreads_of,
@@ -76,6 +77,21 @@ def test_a_free_functions_errors_are_its_own(plain):
     peak = effect.coefficients["wind_x_peak"]
     # A Gaussian beside its neighbours, each 0.5 m/s times 0.1.
     assert 0.05 < peak.std < 0.15
+
+
+@pytest.mark.parametrize("diverges", [False, True])
+def test_a_model_that_diverges_on_a_flight_has_no_covariance(plain, diverges):
+    task, model = plain
+    slots = task.space.slots_of("profile_drag")
+    variance = np.nan if diverges else 0.01
+    known = Uncertainty(
+        free=slots,
+        named=slots,
+        places={},
+        likelihood=variance * np.eye(len(slots)),
+        changes=np.zeros((3, len(slots))),
+    )
+    assert (covariance_of(task, known) is None) == diverges
 
 
 def entry_of(task, model, name, family=None):
