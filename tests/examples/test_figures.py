@@ -1,24 +1,14 @@
-"""Figures: legends cover nothing, rings are round, funnels say what they are."""
+"""Figures: legends cover nothing, and funnels say what they are."""
 
 import types
 from pathlib import Path
 
-import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from examples.perching_funnel import save_funnel_figure
 from glider.paths import models_path
 from glider.verification.funnel.funnel import load_funnel
-from learning_figures import save_learning_figure
-
-
-def save_learning(path):
-    x = np.linspace(-3.5, 0.0, 40)
-    paths = [np.column_stack([x, 0.3 * np.sin(x + 0.1 * k)]) for k in range(4)]
-    costs = {"terminal_cost": [100.0, 10.0, 1.0], "miss_m": [0.3, 0.05, 0.01]}
-    loops = {"rbf": {**costs, "weight_change": [1.0, 0.1]}, "traced": costs}
-    save_learning_figure(path, paths, {**loops, "oracle_miss_m": 0.01, "launches": 3})
 
 
 def save_funnel(path):
@@ -42,7 +32,7 @@ def drawn(monkeypatch, request):
     return figure
 
 
-@pytest.mark.parametrize("drawn", [save_learning, save_funnel], indirect=True)
+@pytest.mark.parametrize("drawn", [save_funnel], indirect=True)
 def test_a_legend_covers_no_axes_and_is_not_cut(drawn):
     legends = [ax.get_legend() for ax in drawn.axes if ax.get_legend() is not None]
     assert legends
@@ -51,11 +41,6 @@ def test_a_legend_covers_no_axes_and_is_not_cut(drawn):
         assert not any(ax.get_window_extent().overlaps(box) for ax in drawn.axes)
         assert drawn.bbox.x1 >= box.x1
         assert drawn.bbox.y1 >= box.y1
-
-
-@pytest.mark.parametrize("drawn", [save_learning], indirect=True)
-def test_a_ring_is_round(drawn):
-    assert drawn.axes[0].get_aspect() == 1.0
 
 
 @pytest.mark.parametrize("drawn", [save_funnel], indirect=True)

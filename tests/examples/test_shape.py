@@ -14,10 +14,9 @@ from tests.helpers.examples import known_story, story_name
 FOLDER = Path(__file__).parents[2] / "examples"
 SOURCES = {
     path.stem: path.relative_to(FOLDER.parent)
-    for path in sorted([*FOLDER.glob("*.py"), *FOLDER.glob("article/*.py")])
+    for path in sorted(FOLDER.glob("*.py"))
     if "program.run(main)" in path.read_text(encoding="utf-8")
 }
-"""Programs, not the modules beside those of the article."""
 
 NAMES = list(SOURCES)
 
@@ -28,27 +27,18 @@ SHOWN = {"--json", "--html", "--figure"}
 WRITES = {name: SHOWN for name in NAMES} | {
     "close_the_loop": {"--json", "--model"},
     "cruise": {"--json", "--html"},
-    "residual_coefficients": {*SHOWN, "--model"},
     "lab_session": {"--json"},
     "launch_map": {"--json", "--figure"},
-    "van_der_pol": {"--json", "--figure"},
     "watch_log": {"--json", "--html"},
 }
 """The files that an example writes."""
 
-TRUTHS = [
-    "lab_session",
-    "learn_residual",
-    "perch_corrected",
-    "perching_funnel",
-    "sample_plans",
-]
+TRUTHS = ["lab_session", "perch_corrected", "perching_funnel"]
 """Examples that fly a glider of the user's choice."""
 
 
 def load(name):
-    is_ours = SOURCES[name].parent.name == "article"  # Those are on the path.
-    return importlib.import_module(name if is_ours else f"examples.{name}")
+    return importlib.import_module(f"examples.{name}")
 
 
 @pytest.fixture(params=NAMES)
