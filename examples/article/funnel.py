@@ -8,10 +8,11 @@ Moore's thesis. The cost-to-go of lesson 6 is a Lyapunov candidate about the pla
 and F is a funnel if V̇ <= ρ̇ wherever V = ρ: no flight crosses its boundary. For the
 closed loop's Taylor polynomials in x̃ that is a sum of squares for each time, as lesson
 7 has one for a region. `glider.funnels` alternates between multipliers, ρ and the
-shape, with the servo's limits inside, and ends the funnel where a hook at the wire
-takes the glider. Then the certificate is checked in exact arithmetic, and flights of
-the full dynamics from the boundary try to leave. (`glider check-funnel FILE --prove`
-proves in continuous time, and for what the polynomials leave out, that none can.)
+shape, with the servo's limits inside, and lets the funnel end within reach of the wire.
+Then the certificate is checked in exact arithmetic, and flights of the full dynamics
+from the boundary try to leave. A funnel that accounts for what the polynomials leave
+out (`FunnelSettings(remainder=1.1)`) is proven in continuous time by `glider
+check-funnel FILE --prove`.
 
     python examples/article/funnel.py --figure funnel.png
 """

@@ -79,6 +79,8 @@ def test_the_gain_stabilizes_all_but_x():
 def test_the_wind_drifts_as_the_article_says():
     wind = draw_wind(np.array([-1.0, 0.5]), 20_000, np.random.default_rng(0))
     assert wind[0].tolist() == [-1.0, 0.5]
+    before, after = wind[:-1].ravel(), wind[1:].ravel()
+    assert before @ after / (before @ before) == pytest.approx(0.999, abs=0.001)
     steps = wind[1:] - 0.999 * wind[:-1]
     np.testing.assert_allclose(steps.std(axis=0), 0.01, rtol=0.03)
     np.testing.assert_allclose(steps.mean(axis=0), 0.0, atol=3e-4)
