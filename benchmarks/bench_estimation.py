@@ -10,13 +10,13 @@ import os
 import numpy as np
 
 from benchmarks.bench_control import best_seconds
-from filter_consistency import UNCERTAIN
-from filter_flights import fly_on_estimate
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, LAUNCH_STD, PROCESS, perching_filter
 from glider.estimation.running import make_prior, predict_mean, run_ekf
-from noisy_flights import draw_starts, fly_watched
-from tests.helpers.flights import NOMINAL, PROBLEM, plan_of
+from tests.helpers.estimated_perches import fly_on_estimate
+from tests.helpers.filter_consistency import UNCERTAIN, watch_perches
+from tests.helpers.flights import NOMINAL, PROBLEM, plan_of, policy
+from tests.helpers.noisy_flights import draw_starts, fly_watched
 
 
 def main():
@@ -51,6 +51,10 @@ def main():
     for name, call in calls.items():
         seconds = best_seconds(lambda c=call: [c() for _ in range(200)], 10) / 200
         print(f"  {name:26s} {1e6 * seconds:6.2f} us")
+
+    seen = watch_perches(NOMINAL, policy(), 200, rng).consistency
+    print("\n200 perches: mean normalized squared errors, 1 is right")
+    print(f"  NEES {np.mean(seen.nees):.3f}, NIS {np.mean(seen.nis):.3f}")
 
     starts = PROBLEM.draw_launches(50, rng)
     flown = fly_on_estimate(NOMINAL, plan_of(), starts, rng)

@@ -18,7 +18,6 @@ from benchmarks.peers.pairs import time_pair
 PEERS = {
     "drake": "drake_planning",
     "casadi": "casadi_planning",
-    "crocoddyl": "crocoddyl_ilqr",
     "pytorch-mppi": "torch_mppi",
     "filterpy": "filterpy_ekf",
     "pysindy": "sindy_regression",

@@ -13,11 +13,9 @@ import numpy as np
 from glider.control.mppi import SETTINGS, replanning_cost
 from glider.paths import models_path
 from glider.physics.model import GliderModel
-from glider.physics.parameters import load_parameters
 from glider.planning.problem import PerchingProblem
-from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
-from sampling_planners import CemSettings, cem, mppi
-from searches import flights_per_second
+from glider.planning.sampling import MppiSettings, mppi_step
+from sampling_planners import LAUNCH, article_cost, cem, mppi
 
 
 def seconds(function, rounds=5):
@@ -33,29 +31,22 @@ def seconds(function, rounds=5):
 
 def main():
     print(f"load {os.getloadavg()[0]:.2f} (1 minute)")
-    heavy = load_parameters(models_path("vehicles", "heavy.yaml"))
-    article = PerchingProblem.load(models_path("problems", "sampling.yaml"))
-    launch, rng = np.array(article.launch), np.random.default_rng(0)
-    cost = SequenceCost(GliderModel(parameters=heavy), article)
-    print(f"{flights_per_second(cost, launch):,.0f} flights of 75 Euler steps a second")
-    many = {
-        cem: CemSettings(samples=10_000, elites=3_000),
-        mppi: MppiSettings(samples=10_000),
-    }
-    for method, settings in many.items():
-        few = seconds(lambda m=method: m(cost, launch, rng)).min()
-        one = seconds(
-            lambda m=method, s=settings: m(cost, launch, rng, settings=s, iterations=1)
-        ).min()
-        print(
-            f"{method.__name__:5s} 100 iterations of 30: {1e3 * few:5.1f} ms; "
-            f"an iteration of 10,000: {1e3 * one:5.1f} ms"
-        )
+    cost, rng = article_cost(), np.random.default_rng(0)
+    commands = np.zeros((10_000, cost.steps))
+    many = len(commands) / seconds(lambda: cost.to_go(LAUNCH, commands)).min()
+    print(f"{many:,.0f} flights of 75 Euler steps a second")
+    for method in (cem, mppi):
+        few = seconds(lambda m=method: m(cost, rng)).min()
+        print(f"{method.__name__:5s} 100 iterations of 30: {1e3 * few:5.1f} ms")
+    settings = MppiSettings(samples=10_000)
+    mean = np.zeros(cost.steps)
+    one = seconds(lambda: mppi_step(cost, LAUNCH, mean, rng, settings)).min()
+    print(f"mppi  an iteration of 10,000: {1e3 * one:5.1f} ms")
     replanning = PerchingProblem.load(models_path("problems", "replanning.yaml"))
     cost = replanning_cost(GliderModel(), replanning)
     mean = np.zeros(cost.steps)
     found = 1e3 * seconds(
-        lambda: mppi_step(cost, launch, mean, rng, SETTINGS), rounds=200
+        lambda: mppi_step(cost, LAUNCH, mean, rng, SETTINGS), rounds=200
     )
     print(
         f"an update of the controller: {np.median(found):.1f} ms, at most "

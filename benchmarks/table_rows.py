@@ -1,8 +1,22 @@
 """The rows of the tables that `benchmarks.tables` writes into the pages."""
 
+import functools
+import time
+from pathlib import Path
+
 import numpy as np
 
-import learn_residual
+import basis_model
+import basis_refinement
+import collocation
+import course
+import filter_parameters
+import funnel
+import learning_loop
+import residual_coefficients
+import sampling_planners
+import tracking_lqr
+import van_der_pol
 from benchmarks import bench_latency
 from benchmarks.tables import Table
 from examples.perch_corrected import rehearse
@@ -12,7 +26,6 @@ from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
-from residual_study import learn_residuals
 from tests.helpers.known_truth import TRUTHS, limit_of
 
 
@@ -78,29 +91,52 @@ def latency_row(controller: str) -> list[str]:
     return bench_latency.measure(controller, 10.0)
 
 
-def coefficients_row(name: str) -> list[str]:
-    """Held-out error of learned residual coefficients beside a traced effect's."""
-    campaign = load_campaign(name)
-    learned = learn_residuals(campaign).models
-    cells = [learned[key].errors.position_rms_m for key in ("plate", "26", "126")]
-    traced = close_the_loop(campaign).errors["corrected"].position_rms_m
-    return [f"`{name}`", *(millimeters(cell) for cell in (*cells, traced))]
+LESSONS = {
+    "basis_model": basis_model,
+    "basis_refinement": basis_refinement,
+    "residual_coefficients": residual_coefficients,
+    "filter_parameters": filter_parameters,
+    "collocation": collocation,
+    "tracking_lqr": tracking_lqr,
+    "van_der_pol": van_der_pol,
+    "funnel": funnel,
+    "learning_loop": learning_loop,
+    "sampling_planners": sampling_planners,
+}
+"""Lessons of the article's course, in its order."""
+
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+
+ITEMS = {
+    f"{name}-{k}": (name, item)
+    for name, lesson in LESSONS.items()
+    for k, item in enumerate(lesson.ARTICLE, start=1)
+}
+"""Row of the table to its lesson and what the lesson calls it."""
 
 
-def learning_row(name: str) -> list[str]:
-    """Median misses of the rounds of learn_residual.py; seed 0."""
-    found = learn_residual.run(GliderModel.load(name), seed=0)
-    weights = [f"{1e3 * turn.miss:.1f}" for turn in found.weights]
-    traced = [f"{1e3 * turn.miss:.1f}" for turn in found.traced]
-    effects = dict.fromkeys(found.traced[-1].identified.effects)
-    return [
-        f"`{name}`",
-        weights[0],
-        f"{1e3 * found.oracle:.1f}",
-        ", ".join(traced[1:]),
-        ", ".join(effects) or "nothing",
-        ", ".join(weights[1:4]) + f" .. {weights[-1]}",
-    ]
+@functools.cache
+def taught(name: str) -> tuple[dict[str, str], float]:
+    """Runs a lesson and draws its picture.
+
+    Returns:
+        what it found, and its processor time [s].
+    """
+    picture = PICTURES / f"article_{name}.png"
+    begin = time.process_time()
+    found = LESSONS[name].main(["--figure", str(picture)])
+    return found, time.process_time() - begin
+
+
+def article_row(name: str) -> list[str]:
+    """A figure or number of the article and ours."""
+    lesson, item = ITEMS[name]
+    found, seconds = taught(lesson)
+    ours = found[item]
+    if ours == course.SHOWN:
+        ours = f"[figure](#{lesson.replace('_', '-')})"
+    theirs = LESSONS[lesson].ARTICLE[item]
+    return [item, theirs, ours, f"`{lesson}.py`", f"{seconds:.0f}"]
 
 
 TABLES = {
@@ -110,26 +146,15 @@ TABLES = {
         measure=latency_row,
         inputs=("problems/perching.yaml",),
     ),
-    "coefficients": Table(
-        columns=(
-            *("campaign", "flat plate", "26 weights", "126 weights"),
-            "the traced effect",
+    "article": Table(
+        columns=("figure or number", "the article", "ours", "lesson", "seconds"),
+        rows=tuple(ITEMS),
+        measure=article_row,
+        inputs=(
+            *("campaigns/attached_lift.zip", "truths/low_reynolds.yaml"),
+            *("vehicles/heavy.yaml", "vehicles/heavy_ekf.yaml"),
+            "problems/sampling.yaml",
         ),
-        rows=("attached_lift", "slow_servo"),
-        measure=coefficients_row,
-        inputs=("campaigns/{row}.zip",),
-    ),
-    "learning": Table(
-        columns=(
-            *("truth", "nominal model", "oracle", "tracer, rounds 1, 2, 3"),
-            *("traced to in the last", "weights, rounds 1, 2, 3 .. 19"),
-        ),
-        rows=(
-            *("attached_flow", "head_wind", "rough_skin", "slow_servo"),
-            "low_reynolds",
-        ),
-        measure=learning_row,
-        inputs=("truths/{row}.yaml",),
     ),
     "samples": Table(
         columns=("campaign", "verdict", "nominal", "corrected", "limit", "effects"),

@@ -15,11 +15,11 @@ from diagrams.programs import program
 from glider.compiled.user_effects import check_user_effects
 from glider.physics.model import GliderModel
 from glider.planning.dircol import plan
+from glider.planning.problem import PerchingProblem
 from glider.report.as_page import page_data
 from glider.simulation.fly import fly
-from held_policy import HeldPolicy
-from ilqr import goal_problem
 from tests.helpers.floors import FLOORS
+from tests.helpers.held_policy import HeldPolicy
 
 ROOT = Path(__file__).parents[1]
 PAGES = ("CHANGELOG.md", "CONTRIBUTING.md", "README.md")
@@ -168,7 +168,7 @@ def test_the_effect_of_the_recipe_is_traced(effects):
 def test_the_planner_of_the_recipe_plans():
     names = {}
     exec(compile(recipe("def random_search"), "CONTRIBUTING.md", "exec"), names)
-    model, problem = GliderModel(), goal_problem()
+    model, problem = GliderModel(), PerchingProblem.load("sampling")
     few, many = (
         names["random_search"](model, problem, np.random.default_rng(0), tries=tries)
         for tries in (10, 100)

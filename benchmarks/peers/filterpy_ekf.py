@@ -6,12 +6,12 @@ Its predictions are ours, compiled and with their exact slopes; the filter is it
 import numpy as np
 
 from benchmarks.peers.pairs import Pair
-from filter_consistency import UNCERTAIN
 from glider.estimation.ekf import Ekf
 from glider.estimation.perching import perching_filter
 from glider.estimation.running import Belief, predict_mean, run_ekf
-from noisy_flights import draw_starts, fly_watched
+from tests.helpers.filter_consistency import UNCERTAIN
 from tests.helpers.flights import NOMINAL, PROBLEM
+from tests.helpers.noisy_flights import draw_starts, fly_watched
 
 SAMPLES = 100
 

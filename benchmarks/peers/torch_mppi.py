@@ -15,8 +15,6 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
-from ilqr import goal_cost
-from sampling_planners import mppi
 
 ITERATIONS = 100
 
@@ -43,8 +41,11 @@ def pairs() -> tuple[Pair, ...]:
     def running_cost(state, u):
         return problem.rate_cost * cost.step * u[:, 0] ** 2
 
+    goal = torch.tensor(problem.goal, dtype=torch.float64)
+    weights = torch.tensor(problem.goal_weights, dtype=torch.float64)
+
     def terminal_cost(states, actions):
-        return torch.from_numpy(goal_cost(problem, states[..., -1, :].numpy()))
+        return torch.sum(weights * (states[..., -1, :] - goal) ** 2, dim=-1)
 
     def controller(samples):
         return MPPI(
@@ -63,9 +64,11 @@ def pairs() -> tuple[Pair, ...]:
 
     def ours():
         rng = np.random.default_rng(0)
-        costs["ours"] = mppi(
-            cost, launch, rng, settings=settings, iterations=ITERATIONS
-        ).cost
+        mean = np.zeros(cost.steps)
+        for _ in range(ITERATIONS):
+            mean, _, _ = mppi_step(cost, launch, mean, rng, settings)
+        total = cost.to_go(launch, mean[None], mean, settings.penalty)
+        costs["ours"] = total[0, 0]
 
     def theirs():
         torch.manual_seed(0)

@@ -1,223 +1,339 @@
-"""Which flight shows a filter where the wing sits and how large the elevator is?
+"""Lesson 4: which numbers drift? A filter that estimates parameters in flight.
 
-An extended Kalman filter takes two numbers of the glider, the wing's offset l_w and
-the elevator's area S_e, for slow states. It watches the article's cruise (powered, in
-a drifting wind, launched half a metre too high; it starts with both at zero) and a
-perch (l_w starts at 0.02 m, S_e at zero). Their gliders differ: the perch's has its
-wing at l_w = 0, the cruise's at -0.03 m, and with that no perch plan is found. A
-number can be known only as far as the motion depends on it, so beside the filter's
-deviations stand the least that any estimator could reach, by Fisher information;
-of a settled cruise (the perch's glider, from trim, in air that is still at first)
-there is only that. Then: is a filter as uncertain as it says (NEES and NIS, 1 is
-right), and is it good enough to perch with? Both are asked of the filter that
-perches: motion capture at 120 Hz with 1 mm of noise.
+The article's section "Physical parameters". The wing's offset l_w and the elevator's
+area S_e are taken for slow states beside those of the flight,
 
-    python examples/article/filter_parameters.py
-    python examples/article/filter_parameters.py --headless --json f.json --figure f.png
+    z = (x, l_w, S_e),   ż = (f(x, u; l_w, S_e), 0, 0),   y = x + noise,
 
---json: {"cruise", "perch": {"l_w", "S_e": [estimate, standard deviation, truth]},
-"constant", "least_std", "seconds", "slow_nees", "nees", "nis", "consistency_of", ..}.
-"cruise" and "perch" are of the article's filter, which lets the numbers drift, at the
-flight's end; "constant" are those of one that takes them for constants, and
-"least_std" the least deviations, both after "seconds". "slow_nees" is the NEES of l_w
-and S_e of "constant" over 20 flights. "nees" and "nis" are of "consistency_of".
+and an extended Kalman filter runs on z. Nothing measures either number: they show in
+the innovation, as far as the motion depends on them. The glider is held near level
+flight by LQR with elevator and thrust, in a wind that drifts and that the filter
+knows.
+
+Then the same filter watches a perch, as the article only suggests. Beside the estimates
+stands the least deviation that any estimator could have, by Fisher information
+
+    P ≥ (P₀⁻¹ + Σ_k G_kᵀ R⁻¹ G_k)⁻¹,   G_k = ∂y_k/∂z₀ along the true flight.
+
+Where we differ: at 9 m/s the article's trim (nose up by 0.05 rad) carries less than
+half of the weight, so this is the trim that flies level; its filter takes steps of
+1/119 s through samples that are 0.01 s apart; its process noise is here a variance per
+second.
+
+    python examples/article/filter_parameters.py --figure filter.png
 """
 
-import dataclasses
-import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from pydrake.systems.controllers import LinearQuadraticRegulator
+from scipy.optimize import fsolve
 
-from diagrams import playback
-from diagrams.programs import program
-from filter_consistency import Consistency, watch_perches
-from filter_figures import Knowledge, save_knowledge_figure
-from filter_flights import (
-    EstimatedPerches,
-    fly_on_estimate,
-    perching_glider,
-    watch_twice,
-)
-from filter_study import (
-    CONSTANTS,
-    RATE,
-    SYMBOLS,
-    ParameterTrack,
-    settled_bound,
-    slow_nees,
-)
-from glider.control.tvlqr import tracking_policy
-from glider.planning.dircol import plan
-from glider.planning.plan import Plan
-from glider.planning.problem import PerchingProblem
+from course import SHOWN, compare, draw_attitudes, picture, read_options, start
+from glider import GliderModel, PerchingProblem, effects, plan, tracking_policy
+from glider.paths import models_path
+from glider.physics.parameters import Theta, load_parameters
+from glider.report.plots.style import BLUE, RED
 
-PERCHES = 200
-"""Number of perches that NEES and NIS of the filter that perches are taken over."""
+ARTICLE = {
+    "Glide under LQR through drifting wind": SHOWN,
+    "Estimates of l_w and S_e over time": SHOWN,
+    "l_w [m] after 4 s of cruise, true: -0.0300": "-",
+    "S_e [m²] after 4 s of cruise, true: 0.0147": "-",
+    "l_w, S_e after a perch of 0.7 s, true: 0, 0.0147": "-",
+    "How much better a perch determines l_w and S_e": "more",
+}
 
-TRUSTED = f"motion capture at 120 Hz with 1 mm of noise, over {PERCHES} perches"
-"""Description of that filter, and of the perches."""
+STEP = 0.01  # [s]
+CRUISE_SPEED = 9.0  # [m/s]
+CRUISE_SECONDS = 4.0
+CRUISE_START = np.array([-3.5, 0.5, 0.0, 0.0, 7.0, 0.0, 0.0])
+CRUISE_WIND = np.array([-1.0, 0.5])
+PERCH_GUESS = (0.02, 0.0)
+"""Of l_w and S_e before the perch, whose glider has its wing at zero."""
 
-LABELS = ("wing offset l_w [m]", "elevator area S_e [m²]")
+# Variances of the filter: before the first sample, of a reading, per second.
+PRIOR = 0.1 * np.eye(9)
+READING = 0.01 * np.eye(7)
+PROCESS = np.diag([0.01] * 7 + [0.001] * 2)
 
-SHOWN = 1.0
-"""Time of each flight in the picture [s]; afterwards a cruise adds little."""
+TINY = 1e-30
+"""Length of a complex step."""
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FilterReport:
-    """Flights that were watched, by name, and the filter that perches."""
-
-    plan: Plan
-    """Plan of the perches."""
-
-    drifting: dict[str, ParameterTrack]
-    """Flights watched by the article's filter, which lets the numbers drift."""
-
-    constant: list[dict[str, ParameterTrack]]
-    """The same, with other noise, by one that takes the numbers for constants."""
-
-    settled: np.ndarray
-    """Least deviations in a settled cruise, (K + 1, 2)."""
-
-    consistency: Consistency
-    """Consistency of the filter that perches, over PERCHES perches."""
-
-    flown: EstimatedPerches
-    """Launches with that filter's estimate, and without."""
-
-    @property
-    def end(self) -> int:
-        """The sample at which a perch is over."""
-        return len(self.constant[0]["perch"].slow) - 1
-
-    @property
-    def least(self) -> dict[str, np.ndarray]:
-        """Least deviations (2,) then, by flight."""
-        bounds = {name: watched.bound for name, watched in self.constant[0].items()}
-        bounds["settled cruise"] = self.settled
-        return {name: bound[self.end] for name, bound in bounds.items()}
-
-    @property
-    def slow_nees(self) -> dict[str, float]:
-        """NEES of the constants at a flight's end, by flight; 1 is right."""
-        return {
-            name: slow_nees([flights[name] for flights in self.constant])
-            for name in self.drifting
-        }
-
-    def key_figures(self) -> dict[str, object]:
-        """Returns estimates, bounds and the filter's consistency, for a file."""
-        known = {name: watched.numbers() for name, watched in self.drifting.items()}
-        first = self.constant[0].items()
-        trusted = self.consistency
-        return {
-            **known,
-            "constant": {name: watched.numbers(self.end) for name, watched in first},
-            "least_std": {
-                name: dict(zip(SYMBOLS, bound.tolist(), strict=True))
-                for name, bound in self.least.items()
-            },
-            "seconds": self.end / RATE,
-            "slow_nees": self.slow_nees,
-            "nees": float(np.mean(trusted.nees)),
-            "nis": float(np.mean(trusted.nis)),
-            "nees_inside": trusted.nees_inside,
-            "nis_inside": trusted.nis_inside,
-            "consistency_of": TRUSTED,
-            "on_state": self.flown.on_state.key_figures(),
-            "on_estimate": self.flown.on_estimate.key_figures(),
-            "launches": len(self.flown.on_estimate),
-        }
-
-    def describe(self) -> str:
-        """Returns the bounds of each flight, and the perching filter's consistency."""
-        lines = []
-        for name, least in self.least.items():
-            bounds = zip(SYMBOLS, least, strict=True)
-            words = [f"{symbol} at least ± {bound:.4f}" for symbol, bound in bounds]
-            if name in self.drifting:
-                words = self._with_estimates(name, words)
-            lines.append(f"{name}, after {self.end / RATE:.2f} s: {'; '.join(words)}")
-        trusted, flown = self.consistency, self.flown
-        return "\n".join(
-            [
-                *lines,
-                f"Of {TRUSTED}, NEES is {np.mean(trusted.nees):.3f} and NIS "
-                f"{np.mean(trusted.nis):.3f}; {trusted.nees_inside:.0%} and "
-                f"{trusted.nis_inside:.0%} of the samples are in their 95 % bands.",
-                f"On its estimate {flown.on_estimate.describe()};\n"
-                f"on the true state {flown.on_state.describe()}.",
-            ]
-        )
-
-    def _with_estimates(self, name: str, bounds: list[str]) -> list[str]:
-        known = self.constant[0][name].numbers(self.end).values()
-        words = [
-            f"{bound}, filter {mean:.4f} ± {std:.4f} (true {true:g})"
-            for bound, (mean, std, true) in zip(bounds, known, strict=True)
-        ]
-        nees = f"NEES over {len(self.constant)} flights {self.slow_nees[name]:.2f}"
-        return [*words, nees]
+SHOWS = np.eye(7, 9)
+"""H: what is measured of z."""
 
 
-def save_filter_figure(path: Path, report: FilterReport) -> None:
-    """Saves estimates and deviations of both numbers along the flights."""
-    drifting, constant = (
-        [_known(name, watched) for name, watched in flights.items()]
-        for flights in (report.drifting, report.constant[0])
-    )
-    save_knowledge_figure(path, LABELS, drifting, constant)
+# ------------------------------------------------------------------------ the glider
 
 
-def _known(name: str, watched: ParameterTrack) -> Knowledge:
-    kept = watched.flight.times <= SHOWN
-    return Knowledge(
-        name=name,
-        times=watched.flight.times[kept],
-        means=watched.slow[kept],
-        stds=watched.std[kept],
-        bounds=watched.bound[kept],
-        truth=watched.truth,
-    )
+def slopes(model: GliderModel, z: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """Returns ż (9,) at z, real or complex.
+
+    Args:
+        model: a glider with the effect THRUST, whose force is an input.
+        z: (9,) state, wing offset [m], elevator area [m²].
+        inputs: (4,) elevator rate [rad/s], thrust [N], wind x and z [m/s].
+    """
+    rate, thrust, *wind = inputs
+    own = model.numbers
+    p = own.p._replace(wing_offset=z[7], elevator_area=z[8])
+    theta = Theta(p, np.array([thrust]), own.gaussians)
+    return np.array([*model.chain.derivatives(0.0, z[:7], rate, *wind, theta), 0, 0])
+
+
+def slope_matrix(model: GliderModel, z: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """Returns ∂ż/∂(z, inputs), (9, 13), by complex steps."""
+    columns = []
+    for unit in np.eye(13):
+        moved = 1j * TINY * unit
+        columns.append(slopes(model, z + moved[:9], inputs + moved[9:]).imag / TINY)
+    return np.array(columns).T
+
+
+class Flight(NamedTuple):
+    """A flight of K steps, its readings, and the glider that flew."""
+
+    model: GliderModel
+    states: np.ndarray  #: (K + 1, 9) z, of which the last two stay.
+    inputs: np.ndarray  #: (K, 4) elevator rate, thrust, wind.
+    readings: np.ndarray  #: (K, 7) behind each step.
 
 
 def fly(
-    launches: int = 20, seed: int = 0, progress: program.Progress = program.silent
-) -> FilterReport:
-    """Filters a cruise and a perch in two ways, and perches on an estimate."""
-    model, problem = perching_glider(), PerchingProblem()
-    rng = np.random.default_rng(seed)
-    policy = tracking_policy(model, plan(model, problem, progress=progress))
-    drifting, constant = watch_twice(policy, rng, progress)
-    starts = problem.draw_launches(launches, rng)
-    return FilterReport(
-        plan=policy.plan,
-        drifting=drifting,
-        constant=constant,
-        settled=settled_bound(model.parameters, rng, CONSTANTS),
-        consistency=watch_perches(model, policy, PERCHES, rng).consistency,
-        flown=fly_on_estimate(model, policy.plan, starts, rng, progress),
+    model: GliderModel,
+    launch: np.ndarray,
+    wind: np.ndarray,
+    feedback,
+    rng: np.random.Generator,
+) -> Flight:
+    """Flies by Euler steps under `feedback(k, x)`: elevator rate and thrust."""
+    p = model.parameters
+    low, high, fastest = p.servo
+    states = [np.array([*launch, p.wing_offset, p.elevator_area])]
+    inputs = []
+    for k, air in enumerate(wind):
+        now = states[-1]
+        elevator = now[3]
+        rate, thrust = feedback(k, now[:7])
+        rate = np.clip(rate, -fastest, fastest)
+        rate = np.clip(rate, (low - elevator) / STEP, (high - elevator) / STEP)
+        given = np.array([rate, thrust, *air])
+        inputs.append(given)
+        states.append(now + STEP * slopes(model, now, given))
+    flown = np.array(states)
+    noise = rng.multivariate_normal(np.zeros(7), READING, len(wind))
+    readings = flown[1:, :7] + noise
+    return Flight(model, flown, np.array(inputs), readings)
+
+
+# ------------------------------------------------------------------------ the cruise
+
+
+def level_flight(model: GliderModel) -> tuple[np.ndarray, float]:
+    """Returns state (7,) and thrust [N] of level flight in still air."""
+    p = model.parameters
+
+    def point(unknown):
+        pitch, elevator, thrust = unknown
+        return np.array([0, 0, pitch, elevator, CRUISE_SPEED, 0, 0]), thrust
+
+    def accelerations(unknown):
+        x, thrust = point(unknown)
+        z = np.array([*x, p.wing_offset, p.elevator_area])
+        return slopes(model, z, np.array([0.0, thrust, 0.0, 0.0]))[4:7]
+
+    return point(fsolve(accelerations, [-0.1, 0.1, 0.3], xtol=1e-12))
+
+
+def cruise_gain(model: GliderModel, trim: np.ndarray, thrust: float) -> np.ndarray:
+    """Returns K (2, 7) of the infinite-horizon LQR on all states but x."""
+    p = model.parameters
+    z = np.array([*trim, p.wing_offset, p.elevator_area])
+    slope = slope_matrix(model, z, np.array([0.0, thrust, 0.0, 0.0]))
+    A = slope[1:7, 1:7]
+    B = slope[1:7, 9:11]
+    Q = np.diag([1000.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    R = 0.1 * np.eye(2)
+    gain, _ = LinearQuadraticRegulator(A, B, Q, R)
+    return np.hstack([np.zeros((2, 1)), gain])
+
+
+def draw_wind(first: np.ndarray, steps: int, rng: np.random.Generator) -> np.ndarray:
+    """Draws the article's wind (steps, 2) [m/s]: w ← 0.999 w + 0.01 N(0, I)."""
+    wind = [first]
+    while len(wind) < steps:
+        wind.append(0.999 * wind[-1] + 0.01 * rng.normal(size=2))
+    return np.array(wind)
+
+
+def fly_cruise(
+    model: GliderModel, start: np.ndarray | None, air: np.ndarray, rng
+) -> Flight:
+    """Flies the cruise from a launch; None: from its trim."""
+    trim, thrust = level_flight(model)
+    gain = cruise_gain(model, trim, thrust)
+    wind = draw_wind(air, round(CRUISE_SECONDS / STEP), rng)
+    launch = trim if start is None else start
+
+    def feedback(k, x):
+        return np.array([0.0, thrust]) - gain @ (x - trim)
+
+    return fly(model, launch, wind, feedback, rng)
+
+
+def fly_perch(model: GliderModel, rng: np.random.Generator) -> Flight:
+    """Plans a perch without thrust and flies it under finite-horizon LQR."""
+    policy = tracking_policy(model, plan(model, PerchingProblem()))
+    times = np.arange(0.0, policy.duration, STEP)
+    offset, gain = policy.sample(times)
+    wind = draw_wind(np.zeros(2), len(times), rng)
+
+    def feedback(k, x):
+        return offset[k] - gain[k] @ x[: gain.shape[1]], 0.0
+
+    return fly(model, policy.plan.states[0, :7], wind, feedback, rng)
+
+
+# ------------------------------------------------------------------------ the filter
+
+
+def run_filter(
+    flight: Flight, guess: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Runs the extended Kalman filter along a flight.
+
+    Args:
+        flight: of which it gets the launch, inputs and readings.
+        guess: of wing offset and elevator area.
+
+    Returns:
+        means (K + 1, 9) and covariances (K + 1, 9, 9) of z.
+    """
+    mean = np.array([*flight.states[0, :7], *guess])
+    covariance = PRIOR
+    means = [mean]
+    covariances = [covariance]
+    for inputs, reading in zip(flight.inputs, flight.readings, strict=True):
+        # Predict: the mean by the model, the covariance by its slope.
+        slope = slope_matrix(flight.model, mean, inputs)
+        F = np.eye(9) + STEP * slope[:, :9]
+        mean = mean + STEP * slopes(flight.model, mean, inputs)
+        covariance = F @ covariance @ F.T + STEP * PROCESS
+        # Correct: by the innovation, as far as it is worth it.
+        S = SHOWS @ covariance @ SHOWS.T + READING
+        gain = np.linalg.solve(S, SHOWS @ covariance).T
+        innovation = reading - SHOWS @ mean
+        mean = mean + gain @ innovation
+        covariance = covariance - gain @ S @ gain.T
+        means.append(mean)
+        covariances.append(covariance)
+    return np.array(means), np.array(covariances)
+
+
+def least_deviations(flight: Flight, steps: int) -> np.ndarray:
+    """Returns the least standard deviations of l_w and S_e after some steps, (2,)."""
+    information = np.linalg.inv(PRIOR)
+    so_far = np.eye(9)
+    for z, inputs in zip(flight.states[:steps], flight.inputs[:steps], strict=True):
+        slope = slope_matrix(flight.model, z, inputs)
+        so_far = so_far + STEP * slope[:, :9] @ so_far
+        seen = SHOWS @ so_far
+        information = information + seen.T @ np.linalg.solve(READING, seen)
+    least = np.linalg.inv(information)
+    return np.sqrt(np.diagonal(least)[7:])
+
+
+# --------------------------------------------------------------------------- lecture
+
+
+def main(arguments: Sequence[str] | None = None) -> dict[str, str]:
+    """Flies and filters a cruise and a perch."""
+    path = read_options(__doc__, arguments)
+    rng = np.random.default_rng(0)
+    behind, ahead = (
+        GliderModel(
+            parameters=load_parameters(models_path("vehicles", f"{name}.yaml")),
+            effects=(effects.THRUST(),),
+        )
+        for name in ("heavy_ekf", "heavy")
+    )
+    cruise = fly_cruise(behind, CRUISE_START, CRUISE_WIND, rng)
+    perch = fly_perch(ahead, rng)
+    known = {
+        "cruise": (cruise, *run_filter(cruise, (0.0, 0.0))),
+        "perch": (perch, *run_filter(perch, PERCH_GUESS)),
+    }
+
+    settled = fly_cruise(ahead, None, np.zeros(2), rng)
+    steps = len(perch.inputs)
+    least = [least_deviations(flight, steps) for flight in (settled, perch)]
+    ratio = least[0] / least[1]
+
+    l_w, S_e = (_told(known["cruise"], k) for k in (7, 8))
+    at_wire = (_told(known["perch"], k) for k in (7, 8))
+    if path:
+        draw(path, known)
+    return compare(
+        ARTICLE,
+        SHOWN,
+        SHOWN,
+        l_w,
+        S_e,
+        ", ".join(at_wire),
+        f"{ratio[0]:.0f} and {ratio[1]:.0f} times",
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Flies as the command line says, prints and shows the result."""
-    parser = program.make_parser(__doc__)
-    program.add_launches(parser, 20)
-    args = program.read_options(parser, arguments, figure="of l_w and S_e")
-    with program.working("plan (compiles once)") as progress:
-        found = fly(args.launches, args.seed, progress)
-    print(found.describe())
-    program.write_json(args, found.key_figures() | {"seed": args.seed})
-    program.write_figure(args, save_filter_figure, found)
-    worst = playback.track_of(
-        "worst launch on the estimate", found.flown.on_estimate.worst
-    )
-    tracks = [worst, playback.track_of("plan", found.plan, playback.GREY)]
-    program.show(args, tracks, "Perch on an estimate")
+def _told(known: tuple[Flight, np.ndarray, np.ndarray], k: int) -> str:
+    _, means, covariances = known
+    return f"{means[-1, k]:.4f} ± {np.sqrt(covariances[-1, k, k]):.4f}"
+
+
+def draw(path: Path, known: dict[str, tuple[Flight, np.ndarray, np.ndarray]]) -> None:
+    """Draws the glide in its wind, and both numbers over time."""
+    cruise, *_ = known["cruise"]
+    with picture(path, 9.0, 6.4) as figure:
+        glide, *rest = figure.subplot_mosaic("AA;BC", height_ratios=[1, 1.2]).values()
+        draw_attitudes(glide, cruise.states, every=20)
+        every = slice(None, None, 20)
+        glide.quiver(
+            *cruise.states[:-1][every, :2].T,
+            *cruise.inputs[every, 2:].T,
+            color=BLUE,
+            width=0.002,
+        )
+        glide.set(xlabel="x [m]", ylabel="z [m]")
+        glide.set_title("cruise; arrows: the wind", loc="left")
+        names = ("wing offset l_w [m]", "elevator area S_e [m²]")
+        for ax, k, name in zip(rest, (7, 8), names, strict=True):
+            for label, color in (("cruise", BLUE), ("perch", RED)):
+                draw_estimate(ax, known[label], k, label, color)
+            ax.set(xlabel="time [s]", ylabel=name)
+            ax.legend()
+        rest[0].set_ylim(-0.1, 0.1)
+        rest[1].set_ylim(-0.02, 0.05)
+
+
+def draw_estimate(
+    ax: Axes,
+    known: tuple[Flight, np.ndarray, np.ndarray],
+    k: int,
+    label: str,
+    color: str,
+) -> None:
+    """Draws an estimate with twice its deviation, and the true number."""
+    flight, means, covariances = known
+    times = STEP * np.arange(len(means))
+    spread = 2.0 * np.sqrt(covariances[:, k, k])
+    mean = means[:, k]
+    ax.fill_between(times, mean - spread, mean + spread, color=color, alpha=0.15, lw=0)
+    ax.plot(times, mean, color=color, label=label)
+    ax.plot(times[[0, -1]], flight.states[[0, -1], k], color=color, ls="--", lw=1.0)
 
 
 if __name__ == "__main__":
-    sys.exit(program.run(main))
+    start(main)

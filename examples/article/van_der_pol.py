@@ -1,5 +1,6 @@
-"""How much of a region of attraction can sums of squares prove?
+"""Lesson 7: how much of a region of attraction can sums of squares prove?
 
+The sums-of-squares script of the article's section "A note on funnels".
 The reversed Van der Pol oscillator goes to the origin from within its limit cycle.
 With V from the Lyapunov equation, Drake's RegionOfAttraction finds the largest level:
 the ellipse {V <= 2.3045}, less than half of the region. Where V may change too and is
@@ -13,28 +14,32 @@ constant term and with positive definite Gram matrices: where V <= 1, V̇ is the
 negative away from the origin. L V is a product of unknowns, hence the alternation:
 first L for a given V, then V for that L.
 
-    python examples/article/van_der_pol.py
-    python examples/article/van_der_pol.py --rounds 3 --json v.json --figure v.png
+    python examples/article/van_der_pol.py --figure van_der_pol.png
 """
 
 import dataclasses
 import functools
 import itertools
-import sys
-import time
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from pydrake.symbolic import Monomial, Polynomial, Variable
 from pydrake.systems.analysis import RegionOfAttraction, RegionOfAttractionOptions
 from pydrake.systems.primitives import SymbolicVectorSystem
 from scipy.integrate import solve_ivp
 
-from diagrams.programs import program
+from course import compare, legend_beside, picture, read_options, start
+from glider.report.plots.style import BLUE, GREEN, RED
+
+ARTICLE = {
+    "Largest level of the Lyapunov function": "2.3045 (its script, run again)",
+    "Share of the region that V of degree 2 proves": "-",
+    "V of degree 4": "-",
+    "V of degree 6": "-",
+}
 
 SIZE = 2.0
 """Scale of y = x / SIZE, in which all polynomials are; y is about 1 on the limit cycle:
@@ -53,7 +58,8 @@ BITS = 40
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 721)[:-1]
 RAYS = np.array([np.cos(ANGLES), np.sin(ANGLES)])
 
-COLORS = ("#D55E00", "#009E73", "#0072B2")
+ROUNDS = 16
+"""Rounds of the alternation."""
 
 
 class SolverError(RuntimeError):
@@ -201,14 +207,11 @@ def lyapunov_function() -> tuple[Polynomial, float]:
     return Polynomial(V, Y), level
 
 
-def grow(
-    V: Polynomial, degree: int, rounds: int, progress: program.Progress = program.silent
-) -> Polynomial:
+def grow(V: Polynomial, degree: int, rounds: int) -> Polynomial:
     """Alternates between the multiplier and V of a degree; returns the last V."""
-    for k in range(rounds):
+    for _ in range(rounds):
         _, L, *_ = find_multiplier(V, degree // 2)
         V = find_shape(V, L, degree)
-        progress(f"round {k + 1} of {rounds}: {area(V) / true_area():.1%}")
     return V
 
 
@@ -402,72 +405,52 @@ def true_area() -> float:
     return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
 
 
-# ------------------------------------------------------------------------- program
+# ------------------------------------------------------------------------- lecture
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Result:
-    """The level of the Lyapunov function, and what V of each degree proves."""
-
-    level: float
-    """Largest level of the Lyapunov function."""
-
-    proved: dict[int, Region]
-    """Proved regions by the degree of V."""
-
-    shares: dict[int, float]
-    """Their shares of the area within the limit cycle, 0 to 1."""
-
-
-def run(rounds: int = 16, progress: program.Progress = program.silent) -> Result:
-    """Finds the level, then V of degree 4 and 6, and checks the proofs."""
-    V, level = lyapunov_function()
-    ellipse = V * (1.0 / level)
+def prove(ellipse: Polynomial, rounds: int = ROUNDS) -> dict[int, Region]:
+    """Returns proved regions by the degree of V: 2 as given, 4 and 6 by alternation."""
     proved = {2: certify(ellipse, 1)}
     for degree in (4, 6):
-        grown = grow(ellipse * 1.01, degree, rounds, progress)
+        grown = grow(ellipse * 1.01, degree, rounds)
         proved[degree] = certify(grown, degree // 2)
-    shares = {k: area(region.V) / true_area() for k, region in proved.items()}
-    return Result(level=level, proved=proved, shares=shares)
+    return proved
 
 
-def save_regions(path: Path, found: Result) -> None:
-    """Saves the limit cycle and the boundaries of the proved regions."""
-    figure = Figure(figsize=(8.5, 6.5), layout="constrained")
-    ax = figure.subplots()
-    ax.fill(*limit_cycle(), color="#EDEDED", lw=0)
-    curves = {"limit cycle, simulated": limit_cycle()}
-    for degree, region in found.proved.items():
-        curves[f"degree {degree}: {found.shares[degree]:.1%}"] = boundary(region.V)
-    for (label, curve), color in zip(curves.items(), ("k", *COLORS), strict=True):
-        ax.plot(*np.column_stack([curve, curve[:, 0]]), color=color, label=label)
-    ax.set(xlabel="x₁", ylabel="x₂")
-    ax.set_aspect("equal", adjustable="datalim")
-    figure.legend(loc="outside right upper", frameon=False)
-    figure.savefig(path, dpi=150)
+def share_of(region: Region) -> float:
+    """Returns a region's share of the area within the limit cycle, 0 to 1."""
+    return area(region.V) / true_area()
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Alternates as the command line says, prints and draws what is proved."""
-    parser = program.make_parser(__doc__)
-    words = "of alternation, for V of degree 4 and 6 (default: %(default)s)"
-    program.add_count(parser, "--rounds", 16, words, metavar="N")
-    program.add_file(parser, "--json", "key figures")
-    program.add_file(parser, "--figure", "the regions")
-    parser.add_argument("--headless", action="store_true", help="there is no animation")
-    args = parser.parse_args(arguments)
-    program.check_files(args.json, figure=args.figure)
-    begin = time.perf_counter()
-    with program.working("level of the Lyapunov function") as progress:
-        found = run(args.rounds, progress)
-    print(f"With the Lyapunov function the level is {found.level:.4f}.")
-    for degree, share in found.shares.items():
-        print(f"V of degree {degree}: {share:.1%} of the region, proved and checked")
-    figures = {"rho": found.level, "degree": found.shares, "rounds": args.rounds}
-    seconds = time.perf_counter() - begin
-    program.write_json(args, figures | {"true_area": true_area(), "seconds": seconds})
-    program.write_figure(args, save_regions, found)
+def main(arguments: Sequence[str] | None = None) -> dict[str, str]:
+    """Finds the level, then V of degree 4 and 6, and checks the proofs."""
+    path = read_options(__doc__, arguments)
+    V, level = lyapunov_function()
+    proved = prove(V * (1.0 / level))
+    if path:
+        draw(path, proved)
+    shares = (f"{share_of(region):.1%}" for region in proved.values())
+    return compare(ARTICLE, f"{level:.4f}", *shares)
+
+
+def draw(path: Path, proved: dict[int, Region]) -> None:
+    """Draws the limit cycle and the boundaries of the proved regions."""
+    with picture(path, 7.0, 4.6) as figure:
+        ax = figure.subplots()
+        ax.fill(*limit_cycle(), color="#EDEDED", lw=0)
+        curves = {"limit cycle, simulated": limit_cycle()}
+        for degree, region in proved.items():
+            label = f"degree {degree}: {share_of(region):.1%}"
+            curves[label] = boundary(region.V)
+        for (label, curve), color in zip(
+            curves.items(), ("k", RED, GREEN, BLUE), strict=True
+        ):
+            closed = np.column_stack([curve, curve[:, 0]])
+            ax.plot(*closed, color=color, label=label)
+        ax.set(xlabel="x₁", ylabel="x₂")
+        ax.set_aspect("equal", adjustable="datalim")
+        legend_beside(ax)
 
 
 if __name__ == "__main__":
-    sys.exit(program.run(main))
+    start(main)

@@ -6,15 +6,15 @@ import pickle
 import numpy as np
 import pytest
 
-from examples.article.tapes import held_plan
 from glider.compiled.flight import fly_tapes
 from glider.control.mppi import sequence_of
 from glider.control.tvlqr import sample_plan
 from glider.physics.model import GliderModel
 from glider.physics.state import STATE_NAMES
 from glider.simulation.fly import fly
-from held_policy import HeldPolicy
+from sampling_planners import held_plan
 from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM
+from tests.helpers.held_policy import HeldPolicy
 
 STEP = 0.02
 INPUTS = np.array([1.0, 3.0, -2.0, 0.5, -4.0])

@@ -9,14 +9,6 @@ from pydrake.systems.primitives import MatrixGain
 
 from diagrams.loops import estimated_loop, tape_rows
 from diagrams.simulate import simulate_flights
-from filter_consistency import (
-    UNCERTAIN,
-    assess,
-    chi_square_band,
-    squared_errors,
-    watch_perches,
-)
-from filter_flights import fly_on_estimate
 from glider.errors import InputError
 from glider.estimation.ekf import SlowState, make_ekf
 from glider.estimation.perching import CAPTURE, LAUNCH_STD, PROCESS, perching_filter
@@ -32,8 +24,16 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, Parameters, Theta
 from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.regulator import tracking_regulator
-from noisy_flights import draw_starts, fly_watched, information_bound
+from tests.helpers.estimated_perches import fly_on_estimate
+from tests.helpers.filter_consistency import (
+    UNCERTAIN,
+    assess,
+    chi_square_band,
+    squared_errors,
+    watch_perches,
+)
 from tests.helpers.flights import NOMINAL, PROBLEM, QUICK, plan_of, policy
+from tests.helpers.noisy_flights import draw_starts, fly_watched, information_bound
 from tests.helpers.physics import random_states
 
 NOISE = np.square(CAPTURE.std)

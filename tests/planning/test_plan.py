@@ -5,17 +5,16 @@ import pickle
 import numpy as np
 import pytest
 
-from examples.article.tapes import held_plan
 from glider.compiled.flight import fly_tapes
-from ilqr import goal_problem
-from tests.helpers.flights import LAGGING
+from sampling_planners import held_plan
+from tests.helpers.flights import LAGGING, PROBLEM
 
 
 def test_a_held_plan_is_the_flight_of_its_commands():
     """Its slopes are those of the flight, and its commands have no ramps."""
     rng, step = np.random.default_rng(0), 0.002
     inputs = rng.uniform(-5.0, 5.0, 30)
-    start = LAGGING.initial_state(goal_problem().launch)
+    start = LAGGING.initial_state(PROBLEM.launch)
     [states] = fly_tapes(LAGGING, start[None], inputs[None], step)
     plan = held_plan(LAGGING, step, states, inputs, cost=1.0)
     assert plan.is_held

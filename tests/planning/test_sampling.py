@@ -15,7 +15,6 @@ from glider.physics.parameters import load_parameters
 from glider.physics.servo import STOPPING_TIME
 from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import MppiSettings, SequenceCost, _mppi_update, mppi_step
-from sampling_planners import CemSettings, cem, cem_update, mppi
 from tests.helpers.flights import QUICK
 
 ARTICLE = PerchingProblem.load(models_path("problems", "sampling.yaml"))
@@ -140,15 +139,6 @@ def test_a_batch_is_its_sequences_one_by_one():
 # ------------------------------------------------------------------- the updates
 
 
-def test_cem_takes_mean_and_variance_of_the_elites():
-    commands = np.array([[1.0, 5.0], [3.0, 5.0], [100.0, -7.0], [50.0, 0.0]])
-    costs = np.array([2.0, 1.0, 3.0, np.nan])
-    settings = CemSettings(samples=4, elites=2, variance_floor=0.5)
-    mean, variance = cem_update(commands, costs, settings)
-    np.testing.assert_allclose(mean, [2.0, 5.0])
-    np.testing.assert_allclose(variance, [2.0, 0.5])  # Unbiased; the floor.
-
-
 def test_mppi_at_a_low_temperature_follows_the_best_of_each_step():
     mean, noise = np.array([1.0, 2.0]), np.array([[0.1, 0.2], [0.3, 0.4]])
     to_go = np.array([[5.0, 9.0], [7.0, 3.0]])
@@ -206,63 +196,6 @@ def test_the_likelihood_ratio_makes_commands_cost():
     np.testing.assert_allclose(new, mean, atol=0.03)
 
 
-# ------------------------------------------------------------------- the searches
-
-
-def test_the_article_s_searches_behave_as_the_article_s():
-    """MPPI is ahead early, CEM catches up; costs as in reference-facts.
-
-    There three seeds end at 11.4 to 13.8 and 13.2 to 14.9, and after 30 iterations
-    stand at 163 to 270 and 22 to 25. Over 40 seeds the medians are 11.0 and 13.0,
-    209 and 25.
-    """
-    cost = article_cost()
-    early, late = {}, {}
-    for method in (cem, mppi):
-        runs = [method(cost, LAUNCH, np.random.default_rng(s)) for s in range(7)]
-        costs = np.array([run.costs for run in runs])
-        assert costs.shape == (7, 101)
-        np.testing.assert_allclose(costs[:, 0], 1052.818, atol=1e-3)
-        for run in runs:
-            assert run.cost == run.costs[-1]
-            assert run.cost == cost.to_go(LAUNCH, run.inputs[None])[0, 0]
-        early[method], late[method] = np.median(costs[:, [30, 100]], axis=0)
-    assert 150.0 < early[cem] < 280.0
-    assert 20.0 < early[mppi] < 33.0
-    assert 8.0 < late[cem] < 14.0
-    assert 11.0 < late[mppi] < 15.0
-
-
-@pytest.mark.parametrize("method", [cem, mppi])
-def test_a_search_follows_from_its_seed_and_goes_on_from_a_mean(method):
-    cost = article_cost()
-
-    def search(seed, **options):
-        rng = np.random.default_rng(seed)
-        return method(cost, LAUNCH, rng, iterations=5, **options)
-
-    drawn = {}
-    first, again = search(0, watch=drawn.__setitem__), search(0)
-    np.testing.assert_array_equal(first.inputs, again.inputs)
-    assert not np.any(search(1).inputs == first.inputs)
-    assert list(drawn) == [1, 2, 3, 4, 5]
-    assert all(commands.shape == (30, 75) for commands in drawn.values())
-    later = search(2, mean=first.inputs)
-    assert later.costs[0] == first.costs[-1]
-    np.testing.assert_array_equal(first.inputs, again.inputs)  # Not written into.
-
-
-@pytest.mark.parametrize("method", [cem, mppi])
-def test_a_search_returns_the_plan_of_its_mean(method):
-    cost = article_cost()
-    found = method(cost, LAUNCH, np.random.default_rng(0), iterations=5)
-    assert found.is_held and found.gains is None
-    np.testing.assert_array_equal(found.times, 0.01 * np.arange(76))
-    np.testing.assert_array_equal(found.states, cost.fly(LAUNCH, found.inputs[None])[0])
-    assert found.state_names == HEAVY.state_names
-    assert found.seconds > 0.0
-
-
 def test_a_plan_becomes_a_sequence(article_plan):
     sequence = sequence_of(article_plan, 0.02, 60)
     duration = article_plan.duration
@@ -278,9 +211,6 @@ def test_a_plan_becomes_a_sequence(article_plan):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: CemSettings(elites=31), "'elites' is 31; expected 2 to 30"),
-        (lambda: CemSettings(elites=1), "'elites' is 1"),
-        (lambda: CemSettings(variance=-1.0), "'variance' is -1.0"),
         (lambda: MppiSettings(temperature=0.0), "'temperature' is 0.0"),
         (lambda: MppiSettings(deviation=np.nan), "'deviation' is nan"),
         (lambda: article_cost(step=0.0), "'step' is 0.0"),
@@ -305,24 +235,3 @@ def test_a_sequence_costs_a_quick_servo_what_it_costs_none():
         for model in (GliderModel(), QUICK)
     )
     np.testing.assert_allclose(quick, near, rtol=0.1)
-
-
-@pytest.mark.parametrize("search", [cem, mppi])
-def test_a_plan_within_limits_is_what_the_servo_makes_of_the_sequence(search):
-    """Its commands take its elevator through its states."""
-    problem = PerchingProblem(launch=[-3.5, 0.1, 0.0, 0.94, 7.0, 0.0, 0.0])
-    cost = SequenceCost(GliderModel(), problem, within_limits=True)
-    start, wild = np.array(problem.launch), np.full(75, 30.0)
-    planned = search(cost, start, np.random.default_rng(0), iterations=1, mean=wild)
-    assert np.max(np.abs(planned.inputs)) <= 13.0
-    moved = np.diff(planned.states[:, 3]) / cost.step
-    np.testing.assert_allclose(moved, planned.inputs, atol=1e-9)
-    np.testing.assert_allclose(planned.slopes[:-1, 3], planned.inputs)
-
-
-@pytest.mark.parametrize("options", [{"iterations": 0}, {"mean": np.zeros(3)}])
-def test_a_search_that_cannot_be_is_one_sentence(options):
-    cost = SequenceCost(GliderModel(), PerchingProblem())
-    start = np.array(PerchingProblem().launch)
-    with pytest.raises(InputError, match="; expected"):
-        cem(cost, start, np.random.default_rng(0), **options)

@@ -81,7 +81,7 @@ def test_a_free_functions_errors_are_its_own(plain):
 
 @pytest.mark.parametrize("diverges", [False, True])
 def test_a_model_that_diverges_on_a_flight_has_no_covariance(plain, diverges):
-    task, model = plain
+    task, _ = plain
     slots = task.space.slots_of("profile_drag")
     variance = np.nan if diverges else 0.01
     known = Uncertainty(

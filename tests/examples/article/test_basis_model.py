@@ -1,138 +1,128 @@
-"""The identification exercise: published scores, their sign fault, and what helps."""
+"""Lessons 1 and 2: published scores and their fault, best features, refinement."""
 
-import math
-
+import matplotlib.image
 import numpy as np
 import pytest
 
 import basis_model
-from diagrams.programs.program import run
-from tests.helpers.examples import run_main
-
-pytestmark = pytest.mark.nightly
-
-PUBLISHED = [113727, 183944, 120629, 104607, 192647, 63831, 157343, 96418]
-PUBLISHED += [129489, 174510]
-CONSISTENT = [116008, 197861, 114153, 93612, 210773, 4013, 131394, 28827]
-CONSISTENT += [128622, 210798]
-
-
-@pytest.fixture(scope="module")
-def study():
-    return basis_model.run()
-
-
-@pytest.fixture(scope="module")
-def output(study, tmp_path_factory):
-    return run_main(basis_model, study, tmp_path_factory.mktemp("basis"))
-
-
-@pytest.mark.parametrize(
-    ("signs", "scores"),
-    [("published_signs", PUBLISHED), ("consistent_signs", CONSISTENT)],
+from basis_model import (
+    CONFIGURATIONS,
+    CONSISTENT,
+    FEATURES,
+    GLIDER,
+    PUBLISHED,
+    STEP,
+    BasisModel,
+    best_choice,
+    feature_columns,
+    fit,
+    flow_of,
+    fly_exercise,
+    rollout,
 )
-def test_scores_are_the_published_ones_to_the_integer(study, output, signs, scores):
-    fits = study.fits.configurations[signs]
-    assert list(fits) == [str(i) for i in range(1, 11)]
-    assert [int(fit.score) for fit in fits.values()] == scores
-    assert output.figures["scores"][signs] == dict(zip(fits, scores, strict=True))
+from basis_refinement import position_error, refine
+
+SCORES = {
+    PUBLISHED: [
+        *(113727, 183944, 120629, 104607, 192647),
+        *(63831, 157343, 96418, 129489, 174510),
+    ],
+    CONSISTENT: [
+        *(116008, 197861, 114153, 93612, 210773),
+        *(4013, 131394, 28827, 128622, 210798),
+    ],
+}
 
 
-def test_the_published_model_ends_where_the_article_says(study, output):
-    published = study.flown["configuration 6 published signs"]
-    x, z, pitch = published[-1, :3]
+@pytest.fixture(scope="module")
+def flights():
+    return fly_exercise()
+
+
+@pytest.fixture(scope="module")
+def fitted(flights):
+    states, rates = flights
+    return states[1:], rates[1:]
+
+
+@pytest.mark.parametrize("sign", [PUBLISHED, CONSISTENT])
+def test_scores_are_the_published_ones_to_the_integer(fitted, sign):
+    choices = CONFIGURATIONS.values()
+    assert [int(fit(*fitted, own, sign)[1]) for own in choices] == SCORES[sign]
+
+
+def test_the_published_model_ends_where_the_article_says(flights, fitted):
+    states, rates = flights
+    model, _ = fit(*fitted, CONFIGURATIONS[6], PUBLISHED)
+    x, z, pitch = rollout(model, states[0, 0], rates[0])[-1, :3]
     assert 3.34 <= x <= 3.36 and 4.99 <= z <= 5.10 and -0.54 <= pitch <= -0.52
-    assert output.figures["held_out_end"] == [x, z, pitch]
 
 
-def test_the_best_subsets_of_the_same_features_leave_next_to_nothing(study, output):
-    best = study.fits.subsets["best_subsets"]
-    assert best.score == pytest.approx(2.55, abs=0.005)
-    assert best.model.numbers == ((5, 15, 24), (1, 26, 30), (15, 26, 30))
-    for name, fit in study.fits.subsets.items():
-        along, normal, pitch = map(list, fit.model.numbers)
-        channels = {"tangential": along, "normal": normal, "pitch": pitch}
-        assert output.figures[name] == {"total": fit.score, **channels}
+def test_the_best_triples_leave_next_to_nothing(fitted):
+    """Features 1, 3 and 5 depend on each other: together they are no subset."""
+    triples = best_choice(*fitted, 3)
+    assert triples == ((5, 15, 24), (1, 26, 30), (15, 26, 30))
+    assert fit(*fitted, triples, CONSISTENT)[1] == pytest.approx(2.55, abs=0.005)
+    columns = feature_columns(*fitted, (1, 3, 5), CONSISTENT)
+    assert np.linalg.matrix_rank(columns) == 2
 
 
-def test_the_tracer_names_the_sign_fault_and_nothing_else(study, output):
-    [effect] = study.traced.effects
-    assert effect.kind == "angle_sign"
-    assert effect.share_of_residual > 0.99
-    assert output.figures["traced"] == {
-        "angle_sign": {"share": effect.share_of_residual}
-    }
+def test_the_best_pair_is_the_best_of_all_pairs(fitted):
+    """By least squares one after the other."""
+    pair = best_choice(*fitted, 2)
+    others = [((a, b), (1,), (11,)) for a in FEATURES for b in FEATURES if a < b]
+    along = min(others, key=lambda choice: fit(*fitted, choice, CONSISTENT)[1])
+    assert pair[0] == along[0]
 
 
-def test_the_exercises_own_numbers_show_the_fault(study, output):
-    signs = study.signs
-    assert (signs.pitch, signs.elevator, signs.command) == (-1, -1, -1)
-    assert signs.share > 0.99
-    assert output.figures["signs"] == vars(signs)
+def test_features_are_smooth_where_complex_steps_take_them(flights):
+    """The imaginary part of a complex step is the derivative, of every feature."""
+    states, rates = flights[0][1, :-1], flights[1][1]
+    direction = np.random.default_rng(0).normal(size=7)
+
+    def values(step):
+        flow = flow_of(states + step * direction, rates, CONSISTENT)
+        return np.array([formula(flow) for _, formula in FEATURES.values()])
+
+    exact = values(1e-30j).imag / 1e-30
+    numeric = (values(1e-6) - values(-1e-6)) / 2e-6
+    scale = np.abs(exact).max(axis=1, keepdims=True) + 1e-9
+    np.testing.assert_allclose(exact / scale, numeric / scale, atol=1e-6)
 
 
-def test_rank_and_condition_of_each_channel_are_reported(study, output):
-    regressions = output.figures["regressions"]
-    names = ["published_signs", "consistent_signs", "best_subsets"]
-    assert list(regressions) == [*names, "best_subsets_of_41"]
-    for (name, numbers), channels in zip(
-        study.exercise.configurations.items(),
-        regressions["consistent_signs"].values(),
-        strict=True,
-    ):
-        ranks = [channel["rank"] for channel in channels.values()]
-        assert ranks == [len(chosen) for chosen in numbers], name
-        assert all(channel["condition"] >= 1.0 for channel in channels.values())
-    assert list(regressions["best_subsets"]) == ["tangential", "normal", "pitch"]
+def test_a_model_without_forces_falls_freely(flights):
+    states, rates = flights
+    nothing = BasisModel(((1,), (1,), (11,)), np.zeros(3), CONSISTENT)
+    flown = rollout(nothing, states[0, 0], rates[0])
+    start, seconds = states[0, 0], STEP * rates.shape[1]
+    fall = [0.0, GLIDER.parameters.gravity * seconds, 0.0]
+    np.testing.assert_allclose(flown[-1, 4:], start[4:] - fall)
+    np.testing.assert_allclose(flown[:, 3], states[0, :, 3], atol=1e-12)
 
 
-def test_refined_models_fly_the_held_out_flight_closer(study, output):
-    for name in ("configuration 6 consistent signs", "best subsets"):
-        pair = study.rollouts[name]
-        assert pair["after"].weighted < 0.6 * pair["before"].weighted
-    assert output.figures["rollout"] == {
-        name: {when: vars(error) for when, error in pair.items()}
-        for name, pair in study.rollouts.items()
-    }
+def test_a_model_refined_on_its_own_flights_is_found_again(fitted):
+    states, rates = fitted[0][[0, 3, 7]], fitted[1][[0, 3, 7]]
+    true, _ = fit(states, rates, CONFIGURATIONS[6], CONSISTENT)
+    flown = rollout(true, states[:, 0], rates)
+    off = true._replace(coefficients=1.1 * true.coefficients)
+    found = refine(off, flown, rates)
+    np.testing.assert_allclose(found.coefficients, true.coefficients, rtol=1e-6)
 
 
-def test_held_out_flights_prefer_the_searched_model_and_show_what_diverges(
-    study, output
-):
-    errors = study.choice["consistent_signs"]
-    assert min(errors.values()) == errors["best 3"]
-    assert math.isinf(errors["2"]) and math.isinf(errors["8"])
-    written = output.figures["cross_validation"]
-    assert written["consistent_signs"]["2"] is None
-    for signs, candidates in study.choice.items():
-        finite = {name: error for name, error in candidates.items() if error < np.inf}
-        assert written[signs] == {name: finite.get(name) for name in candidates}
+def test_a_refined_model_flies_the_held_out_flight_closer(flights, fitted):
+    states, rates = flights
+    model, _ = fit(*fitted, CONFIGURATIONS[6], CONSISTENT)
+    before = position_error(model, states[0], rates[0])
+    after = position_error(refine(model, *fitted), states[0], rates[0])
+    assert before == pytest.approx(6.84e-3, rel=0.01)
+    assert after == pytest.approx(3.26e-3, rel=0.01)
 
 
-def test_the_help_names_every_key_figure(output):
-    for key in output.figures:
-        assert f'"{key}"' in basis_model.__doc__
-    for model in output.figures["rollout"].values():
-        for key in model["after"]:
-            assert f'"{key}"' in basis_model.__doc__
-
-
-def test_it_is_said_drawn_and_animated(output):
-    words = "best_subsets leave 2.55: tangential V² sin³ a, V u sin p, W² sin b sin p; "
-    assert words + "normal V² sin a, " in output.words
-    assert "the tracer names angle_sign" in output.words
-    assert "consistent_signs: held-out flights choose 'best 3'" in output.words
-    assert output.size == (1425, 1200)
-    assert output.ink > 0.05
-    for words in ("Held-out flight", "flight", "published signs", "consistent signs"):
-        assert f">{words}<" in output.page
-
-
-def test_the_options_reach_the_story(study, tmp_path):
-    output = run_main(basis_model, study, tmp_path, "--ridge=2.5", "--seed=4")
-    assert output.asked.call_args.args[:2] == (2.5, 4)
-
-
-def test_a_negative_ridge_is_one_sentence(capsys):
-    assert run(lambda: basis_model.main(["--headless", "--ridge", "-1"])) == 2
-    assert "the ridge is -1.0; expected a finite ridge >= 0" in capsys.readouterr().err
+def test_the_lesson_prints_and_draws(tmp_path, capsys):
+    picture = tmp_path / "lesson.png"
+    found = basis_model.main(["--figure", str(picture)])
+    output = capsys.readouterr().out
+    assert "z̈: V² sin a + V² cos³ a + V q cos a" in output
+    assert found["Squared error of configuration 6, the best of ten"] == "63,831"
+    pixels = matplotlib.image.imread(picture)
+    assert np.mean(pixels[..., :3].min(axis=-1) < 0.95) > 0.03

@@ -1,134 +1,103 @@
-"""Coefficients learned from a campaign: what they are worth on flights left out."""
-
-import dataclasses
+"""Lesson 3: coefficients of flights, and a residual that the plant flies."""
 
 import numpy as np
 import pytest
 
 import residual_coefficients
-from coefficients import basis_values
-from diagrams.programs.program import run
-from glider.campaign.reader import load_campaign
-from glider.campaign.writer import save_campaign
-from glider.physics.effects.free_functions import COEFFICIENTS
+from glider.campaign.motion_capture import MotionCapture
 from glider.physics.model import GliderModel
-from glider.simulation.refly import position_errors, refly
+from glider.simulation.campaigns import CampaignPlan
 from glider.systems.plant import GliderPlant
-from tests.examples.article.test_coefficients import coefficients_of
-from tests.helpers.campaigns import campaign_path
-from tests.helpers.examples import run_main
+from residual_coefficients import (
+    features,
+    fit_residual,
+    gaussian_grid,
+    glider_with,
+    plate_at,
+    residual_at,
+    samples_of,
+)
+
+PLATE = GliderModel()
+SPEEDS = np.linspace(3.0, 8.0, 5)
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """A dozen flights of the sample campaign."""
-    campaign = load_campaign(campaign_path("attached_lift"))
-    few = dataclasses.replace(campaign, flights=campaign.flights[:12])
-    path = tmp_path_factory.mktemp("few") / "attached_lift"
-    save_campaign(path, few)
-    return path
+def test_the_articles_grid_has_26_functions_and_126_with_airspeed():
+    small, large = gaussian_grid(), gaussian_grid(SPEEDS)
+    assert small.weights.shape == (26, 3)
+    assert large.weights.shape == (126, 3)
+    np.testing.assert_allclose(small.centers.min(axis=0), [0.0, -np.pi / 4])
+    np.testing.assert_allclose(small.centers.max(axis=0), [np.pi, np.pi / 4])
+    aside = small.centers[:1] + np.array([np.sqrt(0.1), 0.0])
+    psi = features(aside, small.centers, small.widths)[0]
+    assert psi[0] == pytest.approx(np.exp(-0.5))
+    assert psi[-1] == 1.0
 
 
-@pytest.fixture(scope="module")
-def found(folder):
-    return residual_coefficients.fly(load_campaign(folder))
+def test_a_plate_has_the_article_s_coefficients():
+    """2 sin α cos α and 2 sin² α, without a tail."""
+    tailless = GliderModel()
+    object.__setattr__(tailless.parameters, "elevator_area", 1e-12)
+    alpha = np.linspace(0.1, 2.0, 9)
+    still = np.zeros_like(alpha)
+    values = plate_at(np.column_stack([alpha, still, still + 6.0]), tailless)
+    expected = np.column_stack([np.sin(2.0 * alpha), 2.0 * np.sin(alpha) ** 2, still])
+    np.testing.assert_allclose(values, expected, atol=1e-6)
 
 
-@pytest.fixture(scope="module")
-def output(found, folder):
-    model = folder.parent / "glider.yaml"
-    arguments = (str(folder), f"--model={model}")
-    return run_main(residual_coefficients, found, folder.parent, *arguments)
+@pytest.mark.parametrize("speeds", [None, SPEEDS], ids=["26", "126"])
+def test_the_plant_flies_the_coefficients_that_were_fitted(speeds):
+    rng = np.random.default_rng(2)
+    grid = gaussian_grid(speeds)
+    residual = grid._replace(weights=rng.normal(size=grid.weights.shape))
+    plate, learned = GliderPlant(PLATE), GliderPlant(glider_with(residual, PLATE))
+    for _ in range(5):
+        state = rng.normal(size=7) * [1.0, 1.0, 0.5, 0.3, 1.0, 1.0, 1.0]
+        state[4] += 6.0
+        alpha = np.arctan2(-state[5], state[4]) - state[2]
+        values = np.array([[alpha, state[3], np.hypot(state[4], state[5])]])
+        added = coefficients_in(learned, state) - coefficients_in(plate, state)
+        np.testing.assert_allclose(added, residual_at(residual, values)[0], atol=1e-6)
 
 
-def test_the_residual_pays_on_held_out_flights(found):
-    models = found.study.models
-    assert list(models) == ["plate", "26", "126"]
-    plate, small, large = models.values()
-    assert small.rms[0] < 0.9 * plate.rms[0]
-    for learned in (small, large):
-        assert learned.errors.equation.normal < 0.7 * plate.errors.equation.normal
-        before, after = (m.errors.position_rms_m for m in (plate, learned))
-        assert after < 0.6 * before
+def coefficients_in(plant, state):
+    """Returns C_L, C_D, C_M of a plant's forces, elevator at rest."""
+    context = plant.CreateDefaultContext()
+    context.SetContinuousState(state)
+    plant.GetInputPort("elevator_rate").FixValue(context, [0.0])
+    _, _, x, z, moment = plant.GetOutputPort("forces").Eval(context)
+    p, (xdot, zdot) = plant.model.parameters, state[4:6]
+    speed = np.hypot(xdot, zdot)
+    pressure = 0.5 * p.air_density * speed**2 * p.wing_area
+    lift, drag = (z * xdot - x * zdot) / speed, -(x * xdot + z * zdot) / speed
+    return np.array([lift, drag, moment]) / pressure
 
 
-def test_rows_of_fitted_and_of_held_out_flights_are_counted(found, output, folder):
-    campaign = load_campaign(folder)
-    fitted, held_out = len(found.study.fitted.plate), len(found.study.held_out.plate)
-    assert fitted + held_out == sum(len(f.time) - 6 for f in campaign.flights)
-    assert fitted > held_out
-    assert output.figures["rows"] == {"fitted": fitted, "held_out": held_out}
+def test_a_residual_that_was_flown_is_found_again(monkeypatch):
+    """Flights of a glider with known weights give its coefficients back."""
+    capture = MotionCapture(position=1e-5, pitch=1e-4, elevator=1e-4)
+    monkeypatch.setattr(residual_coefficients, "CAPTURE", capture)
+    rng = np.random.default_rng(5)
+    grid = gaussian_grid()
+    weights = np.zeros((26, 3))
+    weights[:, 0] = rng.uniform(-0.3, 0.3, 26)
+    weights[:, 1] = rng.uniform(0.0, 0.1, 26)
+    true = grid._replace(weights=weights)
+    plan = CampaignPlan(flights=10, capture=capture)
+    campaign = plan.simulate(glider_with(true, PLATE), rng)
+    samples = samples_of(campaign.flights, PLATE)
+    found = fit_residual(samples, grid)
+    expected, learned = (residual_at(own, samples.variables) for own in (true, found))
+    lacking = np.mean(np.abs(expected), axis=0)
+    error = np.median(np.abs(learned - expected), axis=0)
+    assert np.all(error[:2] < 0.2 * lacking[:2])
 
 
-def test_flights_left_out_are_flown_again_by_each_model(found, folder):
-    """Each of the four closer by one of the learned than by the plate."""
-    assert list(found.motions) == ["measured", *found.models]
-    measured, unseen = found.motions["measured"], found.study.unseen
-    np.testing.assert_array_equal(measured.poses[:, :3], unseen[0].pose)
-    campaign, closer = load_campaign(folder), 0
-    for flight in unseen:
-        motions = refly(campaign, flight, found.models)
-        plate, *learned = (rms for rms, _ in position_errors(motions).values())
-        closer += min(learned) < plate
-    assert len(unseen) == 4 and closer == 4
-
-
-def test_the_model_written_flies_with_its_residual(found, output, folder):
-    model = GliderModel.load(folder.parent / "glider.yaml")
-    assert model == found.models["26 weights"]
-    [residual] = model.free_functions
-    assert residual.kind == "rbf_residual"
-    for name in COEFFICIENTS:
-        assert len(residual.weights[name]) == 26
-    state = np.array([0.0, 0.0, -0.3, 0.1, 6.0, -0.5, 0.0])
-    alpha = np.array([np.arctan2(0.5, 6.0) + 0.3])
-    variables = {"alpha": alpha, "elevator": state[3:4]}
-    weights = np.array([residual.weights[name] for name in COEFFICIENTS]).T
-    plate = GliderModel(parameters=model.parameters)
-    with_field, without = (
-        coefficients_of(GliderPlant(m), state) for m in (model, plate)
-    )
-    added = (basis_values(residual, variables) @ weights)[0]
-    assert np.abs(added[0]) > 0.05
-    np.testing.assert_allclose(with_field - without, added, atol=1e-6)
-
-
-def test_the_result_is_reported(output, found):
-    assert output.figures.keys() == {"campaign", "rows", "models"}
-    assert output.figures["campaign"] == "attached_lift"
-    for name, model in found.study.models.items():
-        e = model.errors
-        assert output.figures["models"][name] == {
-            **dict(zip(COEFFICIENTS, model.rms.tolist(), strict=True)),
-            "equation": {
-                "tangential": e.equation.tangential,
-                "normal": e.equation.normal,
-                "pitch": e.equation.pitch,
-            },
-            "rollout": {
-                "position_rms_m": e.position_rms_m,
-                "position_end_m": e.rollout.position_end_m,
-                "pitch_rms_rad": e.rollout.pitch_rms_rad,
-            },
-        }
-    assert "126 weights: C_L 0." in output.words
-    campaign, seed = output.asked.call_args.args
-    assert (campaign.name, seed) == ("attached_lift", 0)
-
-
-def test_it_is_drawn_and_animated(output, found):
-    assert output.size == (1650, 990)
-    assert output.ink > 0.05
-    assert f">attached_lift, {found.study.unseen[0].name}<" in output.page
-    for words in ("measured", "flat plate", "26 weights", "126 weights"):
-        assert f">{words}<" in output.page
-
-
-def test_a_vehicle_without_a_nominal_model_is_one_sentence(folder, tmp_path, capsys):
-    campaign = load_campaign(folder)
-    vehicle = {k: v for k, v in campaign.vehicle.items() if k != "pitch_inertia"}
-    save_campaign(tmp_path / "c", dataclasses.replace(campaign, vehicle=vehicle))
-    arguments = [str(tmp_path / "c"), "--headless"]
-    assert run(lambda: residual_coefficients.main(arguments)) == 2
-    error = capsys.readouterr().err
-    assert "need all parameters" in error and "Traceback" not in error
+@pytest.mark.slow
+def test_a_residual_is_worth_something_in_held_out_flights():
+    found = residual_coefficients.main([])
+    told = found["Held-out flights, position, the same (RMS)"]
+    plate, small, large = (float(own.split()[0]) for own in told.split(", "))
+    assert small < 0.5 * plate
+    assert large < 0.5 * small
+    assert found["Weights of a coefficient"] == "26 and 126"

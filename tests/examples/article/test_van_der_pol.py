@@ -8,7 +8,6 @@ import pytest
 from pydrake.symbolic import Polynomial
 
 import van_der_pol
-from tests.helpers.examples import run_main
 from van_der_pol import (
     RAYS,
     SIZE,
@@ -25,26 +24,28 @@ from van_der_pol import (
     limit_cycle,
     lyapunov_function,
     rounded,
+    share_of,
     true_area,
 )
 
 
 @pytest.fixture(scope="module")
-def found():
-    return van_der_pol.run(rounds=1)
+def level():
+    """The largest level of the Lyapunov function."""
+    return lyapunov_function()[1]
 
 
 @pytest.fixture(scope="module")
-def ellipse(found):
+def proved(level):
+    """Regions by degree, after one round."""
+    V, _ = lyapunov_function()
+    return van_der_pol.prove(V * (1.0 / level), rounds=1)
+
+
+@pytest.fixture(scope="module")
+def ellipse(proved):
     """Region that the Lyapunov function proves."""
-    return found.proved[2]
-
-
-@pytest.fixture(scope="module")
-def output(found, tmp_path_factory):
-    folder, writes = tmp_path_factory.mktemp("region"), ("--json", "--figure")
-    arguments = ("--rounds=1", "--headless")
-    return run_main(van_der_pol, found, folder, *arguments, writes=writes)
+    return proved[2]
 
 
 def values(V, points):
@@ -73,16 +74,16 @@ def test_the_true_region_is_known():
     assert np.max(np.abs(limit_cycle()[0])) == pytest.approx(2.0086, abs=1e-4)
 
 
-def test_the_articles_level_is_reached_and_proved(found, ellipse):
-    assert found.level == pytest.approx(2.3045, abs=0.0005)
-    assert found.shares[2] == pytest.approx(0.472, abs=0.001)
+def test_the_articles_level_is_reached_and_proved(level, ellipse):
+    assert level == pytest.approx(2.3045, abs=0.0005)
+    assert share_of(ellipse) == pytest.approx(0.472, abs=0.001)
     x = boundary(ellipse.V)
     expected = 1.5 * x[0] ** 2 - x[0] * x[1] + x[1] ** 2
-    np.testing.assert_allclose(expected, found.level, rtol=2e-3)
+    np.testing.assert_allclose(expected, level, rtol=2e-3)
 
 
-def test_no_multiplier_proves_a_larger_level(found):
-    V, level = lyapunov_function()
+def test_no_multiplier_proves_a_larger_level(level):
+    V, _ = lyapunov_function()
     assert find_multiplier(V * (1.0 / (0.99 * level)), 1)[0] > 1e-5
     assert find_multiplier(V * (1.0 / (1.01 * level)), 1)[0] < 0.0
 
@@ -97,20 +98,20 @@ def test_rounds_of_degree_four_enlarge_the_region(ellipse):
 
 @pytest.mark.slow
 def test_many_rounds_prove_nearly_all():
-    shares = van_der_pol.run().shares
-    assert shares[4] == pytest.approx(0.853, abs=0.002)
-    assert shares[6] == pytest.approx(0.995, abs=0.002)
+    shares = list(van_der_pol.main([]).values())
+    assert shares == ["2.3045", "47.2%", "85.3%", "99.5%"]
 
 
-def test_a_v_of_higher_degree_proves_more(found):
-    assert list(found.shares) == [2, 4, 6]
-    assert 0.47 < found.shares[2] < found.shares[4] < 1.0
-    assert found.shares[2] < found.shares[6] < 1.0
+def test_a_v_of_higher_degree_proves_more(proved):
+    shares = {degree: share_of(region) for degree, region in proved.items()}
+    assert list(shares) == [2, 4, 6]
+    assert 0.47 < shares[2] < shares[4] < 1.0
+    assert shares[2] < shares[6] < 1.0
 
 
-def test_what_is_found_is_proved_and_true(found):
+def test_what_is_found_is_proved_and_true(proved):
     """The whole limit cycle lies outside, as it must."""
-    for region in found.proved.values():
+    for region in proved.values():
         assert is_proved(region)
         assert np.min(values(region.V, limit_cycle() / SIZE)) > 1.0
         np.testing.assert_allclose(
@@ -167,21 +168,3 @@ def test_pivots_distinguish_definite_matrices(smallest):
     [exact] = rounded([0.5 * (matrix + matrix.T) - 1e-3 * np.outer(*2 * [turn[:, 3]])])
     assert is_positive_definite(exact) == (smallest > 0.0)
     assert not is_positive_definite(np.full((2, 2), Fraction(1)))  # Singular.
-
-
-# ------------------------------------------------------------------------- program
-
-
-def test_the_result_is_reported(output, found):
-    figures = output.figures
-    assert figures["rho"] == found.level
-    assert figures["degree"] == {str(k): share for k, share in found.shares.items()}
-    assert (figures["rounds"], figures["true_area"]) == (1, true_area())
-    assert figures["seconds"] >= 0.0
-    assert "the level is 2.3045" in output.words
-    assert output.asked.call_args.args[0] == 1
-
-
-def test_it_is_drawn(output):
-    assert output.size == (1275, 975)
-    assert output.ink > 0.2  # The true region is shaded.
