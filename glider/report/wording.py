@@ -155,12 +155,11 @@ _CLOCKS = {
     "poses": "offset of the poses' clock from that of the servo",
     "commands": "offset of the commands' clock from that of the elevator",
     "drift": "drift between the clocks of poses and servo over the session",
-    "pitch_rate": "bias of the gyro",
 }
 
 
 def clock_rows(result: Result) -> list[tuple[str, str]]:
-    """Estimated offsets of clocks and biases of sensors."""
+    """Estimated offsets of clocks."""
     values = _values(result.clocks.items())
     return [(_CLOCKS.get(name, name), value) for name, value in values]
 

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.special import softmax
 
 from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
-from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.checks.rates import SCALE
 from glider.campaign.checks.servo_fit import identify_servo
 from glider.campaign.logs import Campaign
@@ -250,7 +249,6 @@ class Analysis:
         traced = found.traced
         outlying = found.outlying
         scales = traced.model.scales
-        rolling = {f.name: describe_planarity(f) for f in logged.flights}
         rows = [s for s in self.inspection.excluded if s.file not in outlying]
         rows += [ExcludedRows(file=n, rows=ALL, why=w) for n, w in outlying.items()]
         return {
@@ -261,7 +259,6 @@ class Analysis:
             ),
             "knows_forces": self.vehicle.knows_forces,
             "set_aside": tuple(sorted(rows, key=lambda s: s.file)),
-            "planarity": {name: words for name, words in rolling.items() if words},
             "noise": result.MeasurementNoise(noise.position, noise.pitch),
             "log_findings": self.inspection.warnings + found.flights.findings,
             "air": result.Air(0.0 if scales.is_still else scales.air, scales.air_time),

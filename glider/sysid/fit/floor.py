@@ -198,7 +198,6 @@ def _transitions(flight: LinearFlight, scales: Scales) -> tuple[np.ndarray, np.n
     shows = np.zeros((*flight.record.seen.shape, total))
     shows[:, :3, :n] = flight.pose_by_x
     shows[:, PITCH, -1] = shows[:, ELEVATOR, ELEVATOR] = shows[:, ELEVATOR, n + 3] = 1.0
-    shows[:, 4:, PITCH_RATE] = 1.0  # With a gyro.
     return moves, shows
 
 
