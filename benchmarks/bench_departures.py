@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from glider.campaign.checks.masks import masks_of
-from glider.campaign.checks.servo_fit import command_tape
+from glider.campaign.checks.servo import command_tape
 from glider.campaign.logs import Campaign
 from glider.campaign.smoothing import estimate_noise, smoothing_maps
 from glider.compiled.actuators import elevator_path

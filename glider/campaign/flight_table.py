@@ -25,7 +25,7 @@ _MIN_SPAN = 0.15  # Duration of a flight [s].
 _MAX_STEP = 1.0  # Median step of a pose log [s].
 _MAX_SPEED = 60.0  # Median over a flight [m/s].
 _MAX_POSITION = 1000.0  # Distance from the origin along x or z [m].
-_MAX_RATE = 100.0  # Of a pitch, and of an elevator of unknown limit [rad/s].
+_MAX_RATE = 100.0  # Of an elevator of unknown limit [rad/s].
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -36,24 +36,26 @@ class Table:
     name: str = ""  #: Of the flight; "": that of the file.
     columns: Mapping[str, Any]  #: Cells as text, or numbers (n,).
     lines: Sequence[int] | None = None  #: Of rows in the file; None: from line 2 on.
+    why: str = ""  #: A flight begins and ends where it does.
 
-    def texts(self, name: str) -> Sequence[str]:
-        """Cells of a column; InputError where it is missing."""
+    @property
+    def span(self) -> tuple[float, float]:
+        """Times of a flight's first and last row [s]."""
+        time = self.columns["time"]
+        return float(time[0]), float(time[-1])
+
+    def numbers(self, name: str) -> np.ndarray:
+        """Numbers of a column (n,); InputError where it is missing, or a cell is none.
+
+        They are finite.
+        """
         if name not in self.columns:
             raise InputError(
                 f"{self.path}: column '{name}' is missing; "
                 f"found {show(', '.join(self.columns))}."
             )
-        return self.columns[name]
-
-    def numbers(self, name: str) -> np.ndarray:
-        """Numbers of a column (n,); InputError where a cell is no finite number."""
-        cells = self.texts(name)
-        values = np.array([to_float(cell) for cell in cells])
-        bad = ~np.isfinite(values)
-        if name == logs.PITCH_RATE:  # "nan" where a gyro has no value.
-            bad &= np.array([str(cell).lower() != "nan" for cell in cells], dtype=bool)
-        self.refuse(bad, name, "expected a finite number.")
+        values = np.array([to_float(cell) for cell in self.columns[name]])
+        self.refuse(~np.isfinite(values), name, "expected a finite number.")
         return values
 
     def refuse(self, bad: np.ndarray, name: str, expected: str) -> None:
@@ -122,7 +124,7 @@ def with_flights(campaign: Campaign, tables: Sequence[Table]) -> Campaign:
     """Adds the flights of tables to a campaign."""
     for table in tables[1:]:
         unshared = tables[0].columns.keys() ^ table.columns.keys()
-        for name in sorted(unshared - {*logs.OPTIONAL}):
+        for name in sorted(unshared - {logs.COMMAND_TIME}):
             has = tables[0].path.name
             lacks = table.path
             if name in table.columns:
@@ -158,7 +160,8 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
     spatial = all(name in table.columns for name in logs.ATTITUDE_COLUMNS)
     if spatial:
         wanted += logs.ATTITUDE_COLUMNS
-    wanted += tuple(name for name in logs.OPTIONAL if name in table.columns)
+    if logs.COMMAND_TIME in table.columns:
+        wanted += (logs.COMMAND_TIME,)
     columns = {name: table.numbers(name) for name in wanted}
     time = columns["time"]
     late = np.diff(time, prepend=-math.inf) <= 0
@@ -188,7 +191,6 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
         elevator=columns.get("elevator"),
         command=columns.get("elevator_rate_command"),
         attitude=attitude,
-        pitch_rate=columns.get(logs.PITCH_RATE),
         command_time=columns.get(logs.COMMAND_TIME),
     )
 
@@ -223,20 +225,16 @@ def _check_units(
     if campaign.elevator_rate_limit is not None:
         rate_bound = 10 * campaign.elevator_rate_limit
     tumble = "degrees; wrap a tumble into ±pi"
-    for name, bound, unit, likely in (
-        ("x", _MAX_POSITION, "m", "millimeters"),
-        ("z", _MAX_POSITION, "m", "millimeters"),
-        ("y", _MAX_POSITION, "m", "millimeters"),
-        ("pitch", MAX_ANGLE, "rad", tumble),
-        ("roll", MAX_ANGLE, "rad", tumble),
-        ("yaw", MAX_ANGLE, "rad", tumble),
-        ("elevator", elevator_bound, "rad", "degrees"),
-        ("elevator_rate_command", rate_bound, "rad/s", "degrees per second"),
-        (logs.PITCH_RATE, _MAX_RATE, "rad/s", "degrees per second"),
+    for names, bound, unit, likely in (
+        (("x", "z", "y"), _MAX_POSITION, "m", "millimeters"),
+        (("pitch", "roll", "yaw"), MAX_ANGLE, "rad", tumble),
+        (("elevator",), elevator_bound, "rad", "degrees"),
+        (("elevator_rate_command",), rate_bound, "rad/s", "degrees per second"),
     ):
         expected = f"expected ±{bound:.4g} {unit} (this looks like {likely})."
-        if name in columns:
-            table.refuse(np.abs(columns[name]) > bound, name, expected)
+        for name in names:
+            if name in columns:
+                table.refuse(np.abs(columns[name]) > bound, name, expected)
     step_length = np.hypot(np.diff(columns["x"]), np.diff(columns["z"]))
     speed = np.median(step_length / np.diff(columns["time"]))
     if speed > _MAX_SPEED:

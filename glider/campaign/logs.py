@@ -22,10 +22,7 @@ from glider.physics.servo import NO_LIMITS, Servo
 POSE_COLUMNS: tuple[str, ...] = ("time", "x", "z", "pitch")
 SERVO_COLUMNS: tuple[str, ...] = ("elevator", "elevator_rate_command")
 ATTITUDE_COLUMNS: tuple[str, ...] = ("y", "roll", "yaw")
-PITCH_RATE = "pitch_rate"
-COMMAND_TIME = "command_time"
-OPTIONAL: tuple[str, ...] = (PITCH_RATE, COMMAND_TIME)
-"""Columns that each flight may have or not."""
+COMMAND_TIME = "command_time"  # A column that each flight may have or not.
 _NOT_IN_NAMES = frozenset("<>&\"'`")
 
 
@@ -39,7 +36,6 @@ class Flight:
     elevator: np.ndarray | None  #: (n,) [rad]; None without a servo.
     command: np.ndarray | None  #: (n,) elevator_rate_command, held [rad/s].
     attitude: np.ndarray | None = None  #: (n, 3) y [m], roll, yaw [rad] if logged.
-    pitch_rate: np.ndarray | None = None  #: (n,) of a gyro [rad/s], NaN where none.
     command_time: np.ndarray | None = None  #: (n,) when it began [s].
     departure: "Departure | None" = None  #: Of the elevator; it is not logged.
 

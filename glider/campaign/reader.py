@@ -19,10 +19,7 @@ from glider.errors import InputError, expect, show
 
 
 def load_campaign(
-    path: Path | str,
-    *,
-    flights: Sequence[str] | None = None,
-    grades: Sequence[str] | None = None,
+    path: Path | str, *, flights: Sequence[str] | None = None
 ) -> Campaign:
     """Loads a campaign; only the chosen flights are read and checked.
 
@@ -30,10 +27,8 @@ def load_campaign(
     campaign.yaml specifies, and their signs are checked.
 
     Args:
-        path: the folder, or its .zip, or the name of a sample.
+        path: the folder, or the name of a sample.
         flights: file names, with or without ".csv"; None for all.
-        grades: those of the folder's index.csv (columns file, grade) to keep;
-            None for all.
 
     Raises:
         InputError: the campaign cannot be used.
@@ -48,7 +43,7 @@ def load_campaign(
             f"expected a folder with campaign.yaml and flight_*.csv ({HOW_TO_IMPORT})."
         )
     campaign, mapping = read_settings(file)
-    files = [path / name for name in _choose(path, flights, grades)]
+    files = [path / name for name in _choose(path, flights)]
     if mapping is None:
         return with_flights(campaign, [read_table(file) for file in files])
     from glider.campaign.importing.readers import read_recording
@@ -71,36 +66,19 @@ def map_flights(
     return campaign
 
 
-def _choose(
-    folder: Path, flights: Sequence[str] | None, grades: Sequence[str] | None
-) -> list[str]:
+def _choose(folder: Path, flights: Sequence[str] | None) -> list[str]:
     """Names of the chosen files, sorted."""
-    chosen = found = {file.name for file in folder.glob("flight_*.csv")}
+    found = {file.name for file in folder.glob("flight_*.csv")}
     if not found:
         raise InputError(f"{folder}: no flight_*.csv in it; expected at least one.")
-    if flights is not None:
-        chosen = _with_suffix(flights)
-        if unknown := chosen - found:
-            raise InputError(
-                f"{folder}: flight {show(min(unknown))} is not in this folder; "
-                f"expected the name of one of its {len(found)} flights."
-            )
-    if grades is not None:
-        index = read_table(folder / "index.csv")
-        of_grade = dict.fromkeys(index.texts("grade"), frozenset[str]())
-        for file, grade in zip(index.texts("file"), index.texts("grade"), strict=True):
-            of_grade[grade] |= _with_suffix([file]) & found
-        for grade in grades:
-            if not of_grade.get(grade):
-                raise InputError(
-                    f"{index.path}: column 'grade': no flight has {show(grade)}; "
-                    f"expected one of {sorted(of_grade)}."
-                )
-        chosen = chosen & frozenset[str]().union(*(of_grade[g] for g in grades))
+    if flights is None:
+        return sorted(found)
+    chosen = {name.removesuffix(".csv") + ".csv" for name in flights}
+    if unknown := chosen - found:
+        raise InputError(
+            f"{folder}: flight {show(min(unknown))} is not in this folder; "
+            f"expected the name of one of its {len(found)} flights."
+        )
     if not chosen:
         raise InputError(f"{folder}: no flight is chosen; expected at least one.")
     return sorted(chosen)
-
-
-def _with_suffix(names: Sequence[str]) -> set[str]:
-    return {name.removesuffix(".csv") + ".csv" for name in names}

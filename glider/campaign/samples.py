@@ -1,13 +1,12 @@
-"""The campaigns that ship with the package, and campaigns packed as .zip.
+"""The campaigns that ship with the package.
 
-A packed campaign is unpacked into the user's cache folder, once for each content.
+They are packed, and unpacked into the user's cache folder, once for each content.
 """
 
 import hashlib
 import shutil
 import tempfile
 import zipfile
-import zlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,11 +18,6 @@ from glider.paths import cache_folder, models_path
 _FOLDER = "campaigns"
 HOW_TO_IMPORT = "'glider import' makes one of other logs"
 """Where a campaign is expected and something else is given."""
-
-_MOST_FILES = 10_000
-_MOST_BYTES = 500_000_000  # Of an unpacked campaign: 10,000 flights of 1 s take 57 MB.
-_MOST_RATIO = 100  # Of a file's size to that in the archive; the samples have 2.6.
-_SMALL = 1_000_000  # Size below which any ratio passes [bytes].
 
 
 class _Sample(NamedTuple):
@@ -55,26 +49,19 @@ def list_samples() -> tuple[_Sample, ...]:
 
 
 def campaign_folder(campaign: Path | str) -> Path:
-    """Finds the folder of a campaign; unpacks it if need be.
-
-    Args:
-        campaign: its folder; its .zip, with or without that suffix; or a sample's name.
-    """
+    """Finds the folder of a campaign, or of a sample by its name."""
     path = Path(campaign)
     if path.is_dir():
         return path
-    for archive in (path, path.with_name(f"{path.name}.zip")):
-        if archive.suffix == ".zip" and archive.is_file():
-            return _unpacked(archive)
-    if str(path) in sample_names():
+    names = sample_names()
+    if str(path) in names:
         return _unpacked(models_path(_FOLDER, f"{path}.zip"))
     found = "does not exist"
     how = ""
     if path.exists():
         found = "is not a folder"
         how = f" ({HOW_TO_IMPORT})"
-    names = ", ".join(sample_names())
-    expected = f"a campaign folder{how} or the name of a sample ({names})"
+    expected = f"a campaign folder{how} or the name of a sample ({', '.join(names)})"
     raise InputError(f"{path}: {found}; expected {expected}.")
 
 
@@ -90,49 +77,19 @@ def copy_sample(name: str, out: Path) -> None:
 
 
 def _unpacked(archive: Path) -> Path:
-    """Folder of a packed campaign, which has the archive's name."""
-    content = archive.read_bytes()
-    digest = hashlib.sha256(content).hexdigest()[:12]
+    """Folder of a sample, which is unpacked once."""
+    digest = hashlib.sha256(archive.read_bytes()).hexdigest()[:12]
     place = cache_folder() / _FOLDER / digest / archive.stem
     if place.is_dir():
         return place
     place.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as part:
+        with zipfile.ZipFile(archive) as packed:
+            packed.extractall(part)
+        [file] = Path(part).rglob("campaign.yaml")
         try:
-            with zipfile.ZipFile(archive) as packed:
-                _extract(packed, Path(part, "all"), archive)
-        except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:
-            raise InputError(f"{archive}: cannot be unpacked: {error}.") from None
-        inner = [p.parent for p in Path(part).rglob("campaign.yaml")]
-        if len(inner) != 1:
-            raise InputError(
-                f"{archive}: holds {len(inner)} files campaign.yaml; expected one."
-            )
-        try:
-            inner[0].rename(place)
+            file.parent.rename(place)
         except OSError:
             if not place.is_dir():  # Another process may have done the same.
                 raise
     return place
-
-
-def _extract(packed: zipfile.ZipFile, folder: Path, archive: Path) -> None:
-    """Unpacks an archive; refuses one that would fill the disk.
-
-    The sizes in its directory are a claim, but Python's zipfile unpacks no more of a
-    file than is claimed.
-    """
-    files = packed.infolist()
-    size = sum(file.file_size for file in files)
-    large = [file for file in files if file.file_size > _SMALL]
-    ratio = max((f.file_size / max(f.compress_size, 1) for f in large), default=1.0)
-    for what, found, most in (
-        ("files", len(files), _MOST_FILES),
-        ("bytes when unpacked", size, _MOST_BYTES),
-        ("times its packed size in a file", round(ratio), _MOST_RATIO),
-    ):
-        if found > most:
-            raise InputError(
-                f"{archive}: has {found:,} {what}; expected at most {most:,}."
-            )
-    packed.extractall(folder)

@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 _NANOSECONDS = 9  # Decimals of times [s] within which two grids are the same.
 _GRIDS = 32  # Grids of times whose maps are kept.
 _LOG_RATIOS = np.linspace(-10.0, 60.0, 71)  # That are tried first.
-POSE_ORDER = 3  # Order of the derivative of a pose that is white noise.
+_POSE_ORDER = 3  # Order of the derivative of a pose that is white noise.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class Smoothing:
 
 
 def estimate_noise(
-    times: Sequence[np.ndarray], values: Sequence[np.ndarray], order: int = POSE_ORDER
+    times: Sequence[np.ndarray], values: Sequence[np.ndarray], order: int = _POSE_ORDER
 ) -> tuple[Smoothing, ...]:
     """Finds noise and smoothness of each channel over flights.
 
@@ -79,7 +79,7 @@ def _restricted_likelihood(eigenvalues: np.ndarray, z: np.ndarray) -> Smoothing:
 
 
 def smoothing_maps(
-    time: np.ndarray, query: np.ndarray, ratio: float, order: int = POSE_ORDER
+    time: np.ndarray, query: np.ndarray, ratio: float, order: int = _POSE_ORDER
 ) -> np.ndarray:
     """Returns the linear maps from samples to smoothed curves, shape (order, m, n).
 

@@ -35,7 +35,6 @@ def turn(flight: Flight, signs: Signs) -> Flight:
     """Returns the flight with wrong signs undone."""
     factors = {
         "pose": np.array([1.0, 1.0, signs.pitch]),
-        "pitch_rate": signs.pitch,
         "elevator": signs.elevator,
         "command": signs.command,
     }

@@ -67,9 +67,6 @@ def flight_csv(flight: Flight) -> bytes:
         y, roll, yaw = flight.attitude.T
         names += logs.ATTITUDE_COLUMNS
         columns += [y, _wrap(roll), _wrap(yaw)]
-    if flight.pitch_rate is not None:
-        names += (logs.PITCH_RATE,)
-        columns.append(flight.pitch_rate)
     buffer = io.BytesIO()
     np.savetxt(
         buffer,

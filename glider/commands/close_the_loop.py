@@ -17,12 +17,11 @@ to the model, and the errors on held-out flights are reported before and after.
 EPILOG = """\
 A campaign is a folder with campaign.yaml and flight_*.csv (columns time, x, z, pitch
 and, where there is a servo, elevator, elevator_rate_command; SI units, radians,
-positive pitch is nose down), or that folder as .zip, or the name of a sample:
-glider samples lists these.
+positive pitch is nose down), or the name of a sample: glider samples lists these.
 
 examples:
   glider close-the-loop attached_lift
-  glider close-the-loop throws --grade A,B --out out/throws
+  glider close-the-loop throws --flights flight_000,flight_004 --out out/two
   glider close-the-loop throws --effects wind,servo_lag --json
 
 exit code: 0 when it ran, 2 when the input cannot be used or a file cannot be written,
@@ -35,15 +34,8 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_campaign()
     files = "report.json, report.html, model.yaml and rivals/"
     parser.add_out(files, "out/CAMPAIGN")
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument(
+    parser.add_argument(
         "--flights", metavar="FILE,...", type=names, help="use only these flights"
-    )
-    which.add_argument(
-        "--grade",
-        metavar="A,B",
-        type=names,
-        help="use only flights of these grades in index.csv",
     )
     parser.add_argument(
         "--held-out",
@@ -75,7 +67,6 @@ def run(args: argparse.Namespace) -> int:
         result = close_the_loop(
             args.campaign,
             flights=args.flights,
-            grades=args.grade,
             held_out=args.held_out,
             seed=args.seed,
             effects=args.effects,

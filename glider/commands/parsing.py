@@ -17,7 +17,7 @@ class CommandParser(argparse.ArgumentParser):
 
     def add_campaign(self) -> None:
         """Adds the campaign that a command works on."""
-        words = "folder of flight logs, its .zip, or a sample"
+        words = "folder of flight logs, or the name of a sample"
         self.add_argument("campaign", type=Path, help=words)
 
     def add_effects(self, name: str, words: str) -> None:
@@ -56,8 +56,7 @@ def check_seed(seed: int) -> None:
 
 def default_folder(campaign: Path, *parts: str) -> Path:
     """The folder out/CAMPAIGN/parts, where what is made of a campaign is written."""
-    name = campaign.resolve().name.removesuffix(".zip")
-    return Path("out", name, *parts)
+    return Path("out", campaign.resolve().name, *parts)
 
 
 def output_folder(out: Path | None, campaign: Path, *parts: str) -> Path:

@@ -46,9 +46,9 @@ class FilterArrays(NamedTuple):
     by_trim: np.ndarray  #: (K, n) how it moves with the flight's own trim.
     inputs: np.ndarray  #: (K, n, m) how each column moves it.
     pose_by_x: np.ndarray  #: (K + 1, 3, n) how the pose moves with the node.
-    #: (K + 1, C, m) how each column moves pose, elevator and, if C is 5, the pitch rate
-    #: that a gyro measures.
-    outputs: np.ndarray
+    outputs: (
+        np.ndarray
+    )  #: (K + 1, C, m) how each column moves pose and elevator: C = 4.
     seen: np.ndarray  #: (K + 1, C) whether they were measured.
     variance: np.ndarray  #: (C,) of the measurements.
     start: np.ndarray  #: (n + 8,) variances of the deviations at the first node.
@@ -106,11 +106,9 @@ def measuring(n, k, c, pose_by_x, row):
         row[:n] = pose_by_x[k, c]
         if c == PITCH:
             row[n + 7] = 1.0
-    elif c == 3:
+    else:
         row[ELEVATOR] = 1.0
         row[n + 3] = 1.0
-    else:
-        row[PITCH_RATE] = 1.0
 
 
 @inlined_code

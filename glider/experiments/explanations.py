@@ -37,7 +37,6 @@ class Findings:
 
     models: tuple[GliderModel, ...]  #: The corrected glider, then its rivals.
     flights: tuple[str, ...] | None = None  #: Names that were used; None for all.
-    grades: tuple[str, ...] | None = None  #: Grades that were used; None for all.
     own: tuple[EffectKind, ...] = ()  #: User effects.
     #: Name of the campaign that was analysed; None where unspecified.
     campaign: str | None = None
@@ -68,11 +67,9 @@ def _findings(
 ) -> Findings:
     """Findings of a report and its models."""
     flights = report.settings.get("flights")
-    grades = report.settings.get("grades")
     return Findings(
         models=tuple(models),
         flights=None if flights is None else tuple(flights),
-        grades=None if grades is None else tuple(grades),
         own=tuple(own_effects),
         campaign=report.campaign,
     )

@@ -103,9 +103,7 @@ def next_throw(
     """
     expect(launches >= 1, "the number of launches", launches, "at least 1")
     if not isinstance(campaign, Campaign):
-        campaign = load_campaign(
-            Path(campaign), flights=findings.flights, grades=findings.grades
-        )
+        campaign = load_campaign(Path(campaign), flights=findings.flights)
     known_name = findings.campaign
     what = f"{campaign.path}: the report's campaign"
     expect(known_name in (None, campaign.name), what, known_name, f"'{campaign.name}'")

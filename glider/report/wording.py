@@ -76,7 +76,6 @@ _CLOCKS = {
     "poses": "offset of the poses' clock from that of the servo",
     "commands": "offset of the commands' clock from that of the elevator",
     "drift": "drift between the clocks of poses and servo over the session",
-    "pitch_rate": "bias of the gyro",
 }
 
 

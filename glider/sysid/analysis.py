@@ -14,7 +14,6 @@ import numpy as np
 from scipy.special import softmax
 
 from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
-from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.checks.rates import SCALE
 from glider.campaign.checks.servo_fit import identify_servo
 from glider.campaign.logs import Campaign
@@ -113,7 +112,6 @@ class Analysis:
         flown = tuple(flight.name for flight in evaluated["held_out"])
         fitted = tuple(name for name in self.fitted if name not in found.outlying)
         flights_of = result.FlightNames(fitted, flown)
-        rolling = {f.name: describe_planarity(f) for f in campaign.flights}
         covariance = outcome.covariance_of(task, known)
         of_effects = covariance and covariance.among(model.kinds)
         scales = model.scales
@@ -138,7 +136,6 @@ class Analysis:
             correlations=of_effects.correlations if of_effects else {},
             warnings=tuple(self._warnings(found, flown, folds)),
             set_aside=tuple(sorted(rows, key=lambda s: s.file)),
-            planarity={name: words for name, words in rolling.items() if words},
             noise=result.MeasurementNoise(flights.noise.position, flights.noise.pitch),
             log_findings=self.inspection.warnings + flights.findings,
             own_effects=tuple(space.kinds[n] for n in self.settings["own_effects"]),

@@ -27,7 +27,6 @@ def close_the_loop(
     campaign: Path | str | Campaign,
     *,
     flights: Sequence[str] | None = None,
-    grades: Sequence[str] | None = None,
     held_out: float = 0.3,
     seed: int = 0,
     effects: Sequence[str] | None = None,
@@ -39,7 +38,6 @@ def close_the_loop(
     Args:
         campaign: a campaign's folder, or one in memory.
         flights: names of flights to use; all by default.
-        grades: of `index.csv` to use; all by default.
         held_out: share of the flights that errors are measured on.
         seed: of the split into fitted and held-out flights.
         effects: names of the kinds to try; by default the library and `own_effects`.
@@ -54,7 +52,7 @@ def close_the_loop(
     begin = time.perf_counter()
     progress(Step("read", 0.0))
     if not isinstance(campaign, Campaign):
-        campaign = load_campaign(campaign, flights=flights, grades=grades)
+        campaign = load_campaign(campaign, flights=flights)
     split_flights(campaign, held_out, seed)  # Refuses too few of them at once.
     from glider.campaign.checks.inspection import inspect
 
@@ -62,7 +60,7 @@ def close_the_loop(
         inspection = inspect(campaign)
         split = split_flights(inspection.campaign, held_out, seed)
         seconds = {"read": time.perf_counter() - begin}
-        given = {"flights": flights, "grades": grades, "effects": effects}
+        given = {"flights": flights, "effects": effects}
         vehicle, kinds = _to_try(inspection.campaign, effects, own)
         from glider.sysid.analysis import Analysis
 

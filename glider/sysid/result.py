@@ -228,7 +228,6 @@ class Report:
     vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
     warnings: tuple[str, ...]
     set_aside: tuple[ExcludedRows, ...]
-    planarity: dict[str, str]  #: Flight to a sentence, where it has roll and yaw.
     seed: int | None  #: Of the split into fitted and held-out flights.
     settings: dict[str, Any]  #: Seed, fraction and what else would repeat this run.
     noise: MeasurementNoise

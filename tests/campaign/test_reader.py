@@ -67,11 +67,6 @@ def folder(tmp_path):
     """A good campaign of four flights, on disk, to be spoilt."""
     path = tmp_path / "folder"
     save_campaign(path, make_campaign([make_flight(name) for name in NAMES]))
-    (path / "index.csv").write_text(
-        "file,grade,remark\n"
-        'flight_000.csv,A,"long, straight"\nflight_001,B,\nflight_003.csv,A,\n'
-        "flight_009.csv,D,\n"
-    )
     return path
 
 
@@ -338,7 +333,7 @@ def test_no_message_has_an_escape_sequence(folder):
 
 
 def test_choice_of_flights(folder):
-    """By name, by grade and by both; what is not chosen is not even read."""
+    """By name; what is not chosen is not even read."""
 
     def names(**choice):
         flights = load_campaign(folder, **choice).flights
@@ -347,9 +342,6 @@ def test_choice_of_flights(folder):
     (folder / "flight_002.csv").write_text("broken")
     (folder / "notes.csv").write_text("not a flight")
     assert names(flights=["flight_003", "flight_000.csv"]) == (NAMES[0], NAMES[3])
-    assert names(grades=["A"]) == (NAMES[0], NAMES[3])
-    assert names(grades=["B", "A"]) == (NAMES[0], NAMES[1], NAMES[3])
-    assert names(grades=["A"], flights=["flight_003"]) == (NAMES[3],)
 
 
 @pytest.mark.parametrize(
@@ -357,23 +349,12 @@ def test_choice_of_flights(folder):
     [
         ({"flights": ["flight_007"]}, ["'flight_007.csv'", "not in this folder"]),
         ({"flights": []}, ["no flight is chosen"]),
-        ({"flights": ["flight_001"], "grades": ["A"]}, ["no flight is chosen"]),
-        ({"grades": ["C"]}, ["index.csv", "'grade'", "'C'", "['A', 'B', 'D']"]),
-        ({"grades": ["A", "D"]}, ["index.csv", "'grade'", "'D'"]),
     ],
 )
 def test_impossible_choice_is_refused(folder, choice, words):
     message = refusal(folder, **choice)
     for word in (str(folder), *words):
         assert word in message
-
-
-def test_grades_need_an_index_with_its_columns(folder):
-    (folder / "index.csv").write_text("file,quality\nflight_000.csv,A\n")
-    message = refusal(folder, grades=["A"])
-    assert "index.csv: column 'grade' is missing; found 'file, quality'" in message
-    (folder / "index.csv").unlink()
-    assert "index.csv: not a CSV file: No such file" in refusal(folder, grades=["A"])
 
 
 def test_irregular_times_and_gaps_are_accepted(folder):

@@ -51,7 +51,6 @@ def test_the_model_loads(done):
         (["{campaign}", "--effects", "gremlins"], "gremlins"),
         (["{campaign}", "--held-out", "2"], "held-out"),
         (["{campaign}", "--flights", "flight_1234"], "flight_1234"),
-        (["{campaign}", "--grade", "A"], "index.csv"),
         (["{campaign}", "--seed", "-1"], "seed"),
     ],
 )

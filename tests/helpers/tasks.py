@@ -1,9 +1,6 @@
 """Tasks of a fit from campaigns, as the pipeline makes them."""
 
-import dataclasses
-
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from glider.campaign.logs import Campaign
 from glider.physics.effects import KINDS, Effect
@@ -24,18 +21,6 @@ def fit_kinds(campaign: Campaign, *kinds: str, masks=None) -> tuple[Task, FitRes
     """Fits kinds of the library to a campaign."""
     task, noise = task_of(campaign, masks=masks)
     return task, fit_model(task, begin(task, noise, kinds))
-
-
-def with_gyro(
-    campaign: Campaign, noise: float = 0.0, bias: float = 0.0, seed: int = 0
-) -> Campaign:
-    """Adds a gyro, which shows the derivative of the pitch [rad/s]."""
-    rng, flights = np.random.default_rng(seed), []
-    for flight in campaign.flights:
-        rate = CubicSpline(flight.time, flight.pose[:, 2])(flight.time, 1) + bias
-        rate += noise * rng.normal(size=rate.shape)
-        flights.append(dataclasses.replace(flight, pitch_rate=rate))
-    return dataclasses.replace(campaign, flights=tuple(flights))
 
 
 def typical(kind: str, size: float = 1.0) -> Effect:

@@ -205,7 +205,6 @@ def make_result(**changes):
                 file="flight_001.csv", rows="41-80", why="the pose is frozen."
             ),
         ),
-        planarity={"flight_105.csv": "not planar: roll up to 31°"},
         noise=MeasurementNoise(position_m=4e-4, pitch_rad=2.5e-3),
         evidence_threshold=6.6,
         seed=0,
@@ -305,7 +304,6 @@ VARIANTS = {
         vehicle={},
         warnings=(),
         set_aside=(),
-        planarity={},
         held_out=(),
     ),
     "unknown vehicle": make_result(

@@ -2,7 +2,7 @@
 
 All checks ask one fitted description of the flights, `Motions`. Its free fit determines
 gravity, whose direction shows which way is down (its size is checked by `check_fall`).
-`check_frame` corrects axes that are certainly turned; a turned angle is traced later
+`check_frame` refuses axes that are certainly turned; a turned angle is traced later
 (`glider.sysid.search.signs`). `check_signs` refuses a mapping whose axes or signs the
 flights contradict: the forces of the air must agree with the pitch as mapped, fitted
 with either sign and with other columns in its place, and the elevator must turn the
@@ -16,14 +16,13 @@ undetermined, which `_CLEARLY` detects. The wrong sign of the pitch raises the m
 errors or more, and its rate correlates with the commands by 0.94.
 """
 
-import dataclasses
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from glider.campaign.checks import forces
-from glider.campaign.checks.forces import ForceFit, Motions, check_fall, measure_motions
+from glider.campaign.checks.forces import Motions, check_fall, measure_motions
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.checks.servo import (
     Elevator,
@@ -43,7 +42,6 @@ _UPRIGHT = 1.1
 """Angle of the constant from straight down that passes [rad]: a frame may be tilted by
 0.5 (frame_tilt), an exchange of axes turns it by 1.57."""
 _NEAR = 0.2  # Part of gravity by which the constant may be off without a question.
-_PUSH = 0.2  # Push along the flow above which air drives a glider; -0.7 or less [1/m].
 _LEAST = {"x": 0.01, "z": 0.01, "pitch": 1e-6}
 """Columns that change by less in every flight do not change [m, m, rad]."""
 _CLEARLY = 1.25
@@ -86,31 +84,15 @@ _UNITS = {
 """
 
 
-def check_frame(
-    campaign: Campaign, motions: Motions
-) -> tuple[Campaign, tuple[str, ...]]:
-    """Corrects axes that are certainly turned, not angles; refuses what cannot be."""
+def check_frame(campaign: Campaign, motions: Motions) -> None:
+    """Refuses columns that are certainly turned or in another unit; angles pass."""
     if len(motions.joined.time) < _MIN_ROWS or len(campaign.flights) < _MIN_FLIGHTS:
-        return campaign, ()
+        return
     _check_columns(campaign, motions)
     _check_path(campaign, motions)
-    points_down = _points_down(campaign, motions)
-    _check_time(campaign, motions)
-    points_back = _points_back(campaign, motions)
+    _check_down(campaign, motions)
+    _check_ahead(campaign, motions)
     _check_force(campaign, motions)
-    signs = np.ones(2)
-    warnings = []
-    kept = "it was turned; the angles were kept as they are"
-    if points_down:
-        signs[1] = -1.0
-        fall = float(np.hypot(*motions.fit.constant))
-        how = f"down (the flights fell along +z at {fall:.3g} m/s²)"
-        warnings.append(f"column 'z' pointed {how}: {kept}")
-    if points_back:
-        signs[0] = -1.0
-        how = "backwards (the flights went along -x, tail first)"
-        warnings.append(f"column 'x' pointed {how}: {kept}")
-    return _turn(campaign, signs) if warnings else campaign, tuple(warnings)
 
 
 def check_tail(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
@@ -200,51 +182,33 @@ def _check_path(campaign: Campaign, motions: Motions) -> None:
             )
 
 
-def _points_down(campaign: Campaign, motions: Motions) -> bool:
-    """Whether z points down; refuses a fall to a side."""
+def _check_down(campaign: Campaign, motions: Motions) -> None:
+    """Refuses flights that fall up, or to a side."""
     fit = motions.fit
     gravity = campaign.gravity
     x, z = fit.constant
     if np.hypot(x, z + gravity) < _NEAR * gravity:
-        return False
+        return
     given = forces.fit_forces(motions.joined, np.array([0.0, -gravity]))
     angle = abs(float(np.arctan2(x, -z)))
     clearly = _CLEARLY**2 if motions.are_alike else _CLEARLY
     if given.misfit < clearly * fit.misfit or angle <= _UPRIGHT:
-        return False
-    if np.pi - angle > _UPRIGHT:
-        toward = "+x" if x > 0.0 else "-x"
-        raise InputError(
-            f"{campaign.path}: the flights fall along {toward}, at "
-            f"{np.hypot(x, z):.3g} m/s²; expected 'z' to point up and 'x' along the "
-            "throw (are they exchanged?)."
-        )
-    return True
-
-
-def _check_time(campaign: Campaign, motions: Motions) -> None:
-    """Refuses flights that gain energy from still air: time runs backwards.
-
-    A few glides do not determine gravity too: it must hold with the given one as well.
-    """
-    fit = motions.fit
-    if _gains(fit) < _PUSH:
         return
-    down = np.array([0.0, np.copysign(campaign.gravity, fit.constant[1])])
-    if _gains(forces.fit_forces(motions.joined, down)) > _PUSH:
+    fall = np.hypot(x, z)
+    if np.pi - angle <= _UPRIGHT:
         raise InputError(
-            f"{campaign.path}: the air pushes the gliders along instead of slowing "
-            "them; expected rows in the order of time (do they run backwards?)."
+            f"{campaign.path}: frame: 'up' has the wrong sign: the flights fall along "
+            f"+z, at {fall:.3g} m/s²; expected column 'z' to point up."
         )
+    toward = "+x" if x > 0.0 else "-x"
+    raise InputError(
+        f"{campaign.path}: the flights fall along {toward}, at {fall:.3g} m/s²; "
+        "expected 'z' to point up and 'x' along the throw (are they exchanged?)."
+    )
 
 
-def _gains(fit: ForceFit) -> float:
-    """Push of the air along the flow [1/m]."""
-    return float(fit.forces[0] + fit.forces[3])
-
-
-def _points_back(campaign: Campaign, motions: Motions) -> bool:
-    """Whether x points backwards; refuses flights tail first."""
+def _check_ahead(campaign: Campaign, motions: Motions) -> None:
+    """Refuses flights along -x, or tail first."""
     is_ahead = motions.calc_heading(motions.fit.sign) >= 0.0
     is_back = bool(np.mean(motions.joined.velocity[:, 0]) < 0.0)
     if is_back and is_ahead:
@@ -252,12 +216,17 @@ def _points_back(campaign: Campaign, motions: Motions) -> bool:
             f"{campaign.path}: the flights go along -x, with the nose there; "
             "expected 'x' to point along the throw."
         )
-    if not is_back and not is_ahead:
+    if is_back:
+        raise InputError(
+            f"{campaign.path}: frame: 'forward' has the wrong sign: the flights go "
+            "along -x, tail first; expected column 'x' to point along the throw (do "
+            "the rows run backwards?)."
+        )
+    if not is_ahead:
         raise InputError(
             f"{campaign.path}: the flights go tail first (column 'pitch' is off by "
             "half a turn); expected pitch 0 to mean the nose along x."
         )
-    return is_back
 
 
 def _check_force(campaign: Campaign, motions: Motions) -> None:
@@ -295,36 +264,13 @@ def _check_force(campaign: Campaign, motions: Motions) -> None:
     )
 
 
-def _turn(campaign: Campaign, signs: np.ndarray) -> Campaign:
-    """Turns axes by the signs of x and z, and y where one of them turns.
-
-    The frame stays right-handed. Of the measured attitude y turns, with the angle about
-    the axis that turns.
-    """
-    x, z = signs
-    flights = []
-    for flight in campaign.flights:
-        attitude = flight.attitude
-        if attitude is not None:
-            attitude = attitude * [x * z, x, z]
-        pose = flight.pose * [x, z, 1.0]
-        flights.append(dataclasses.replace(flight, pose=pose, attitude=attitude))
-    return dataclasses.replace(campaign, flights=tuple(flights))
-
-
 def check_signs(campaign: Campaign) -> tuple[str, ...]:
     """Reports what could not be decided; raises InputError where signs are wrong."""
     masks = find_faults(campaign).masks
     motions = measure_motions(campaign.flights, masks)
     _check_release(campaign)
     _check_climb(campaign, motions)
-    turned, warnings = check_frame(campaign, motions)
-    if turned is not campaign:
-        axis = "forward" if "'x'" in warnings[0] else "up"
-        raise InputError(
-            f"{campaign.path}: frame: '{axis}' has the wrong sign: "
-            f"{warnings[0].partition(':')[0]}."
-        )
+    check_frame(campaign, motions)
     if len(motions.joined.time) < _MIN_SIGN_ROWS:
         return ("too few rows to check the signs of the mapping",)
     undecided = _check_pitch(campaign, motions)

@@ -45,10 +45,10 @@ class Masks:
 class Inspection:
     """A campaign after checks: flights that fly, and rows that count."""
 
-    campaign: Campaign  #: Without the excluded flights; axes turned where necessary.
+    campaign: Campaign  #: Without the excluded flights.
     masks: dict[str, Masks]  #: Of the flights that are kept, by name.
     excluded: tuple[ExcludedRows, ...]  #: Rows and whole flights, by file.
-    warnings: tuple[str, ...]  #: Axes that were turned, rates that are off, gaps.
+    warnings: tuple[str, ...]  #: Rates that are off, gaps, ...
 
 
 def _no_masks(flight: Flight) -> Masks:

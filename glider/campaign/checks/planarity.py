@@ -1,37 +1,12 @@
-"""How planar a throw is: its roll, yaw and sideways speed, where they are logged."""
+"""Flights that roll and yaw: what a planar model flies, and where it ends."""
 
 import numpy as np
 
-from glider.campaign.checks.motion import calc_motion
 from glider.campaign.logs import Flight
-
-_PLANAR = 0.35
-"""Tilt of the lift out of the plane [rad] up to which a throw counts as planar: its
-vertical share then loses 6 %. Throws graded planar by hand reach 0.32."""
 
 _LEAST_IN_PLANE = 0.5
 """Share of the wing's normal, squared, that must be in the plane of flight: below it
 more of the wing's force acts out of the plane than in it."""
-
-
-def describe_planarity(flight: Flight) -> str | None:
-    """How planar a throw is, in a sentence; None where y, roll and yaw are not logged.
-
-    A straight throw that is not along the log's x shows as yaw and sideways speed.
-    """
-    if flight.attitude is None:
-        return None
-    y, roll, yaw = flight.attitude.T
-    motion = calc_motion(flight.time, np.column_stack([flight.pose[:, :2], y]))
-    square = np.mean(motion.velocity**2, axis=0) if len(motion.time) else np.ones(3)
-    sideways = min(float(np.sqrt(square[2] / max(np.sum(square), 1e-12))), 1.0)
-    angles = np.max(np.abs([roll, yaw]), axis=1)
-    planar = max(*angles, np.arcsin(sideways)) <= _PLANAR
-    degrees = np.degrees(angles)
-    return (
-        f"{'planar' if planar else 'not planar'}: roll up to {degrees[0]:.0f}°, yaw up "
-        f"to {degrees[1]:.0f}°, {100 * sideways:.0f} % of the speed sideways"
-    )
 
 
 def body_axes(pitch: np.ndarray, roll: np.ndarray, yaw: np.ndarray) -> np.ndarray:

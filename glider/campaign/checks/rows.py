@@ -21,7 +21,7 @@ from glider.campaign.checks.masks import (
 from glider.campaign.checks.motion import calc_motion, robust_std
 from glider.campaign.checks.planarity import body_axes
 from glider.campaign.checks.servo import measure_elevators
-from glider.campaign.checks.smoothness import Track, find_one_motion, fourth_differences
+from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.actuators import elevator_path
 from glider.physics.held_commands import command_steps, hides_command
@@ -215,7 +215,7 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
     standing = _find_standing(flight, usable)
     usable &= ~standing
     own = _measure_noise(time[usable], pose[usable])
-    track = Track(time, pose, np.clip(own, scale.noise, 3.0 * scale.noise))
+    track = Rows(time, pose, np.clip(own, scale.noise, 3.0 * scale.noise))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
         "pose: is not a number": unknown,
@@ -378,22 +378,22 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
         return {}
     angles = np.concatenate([elevator.angle for elevator in elevators])
     stops = campaign.elevator_limits or (np.min(angles), np.max(angles))
-    noises = [_measure_noise(each.time, each.angle[:, None]) for each in elevators]
+    noises = [_measure_noise(each.seen, each.angle[:, None]) for each in elevators]
     surely = _SURELY * float(np.median(noises))
     faults = {}
     for elevator in elevators:
         angle = elevator.angle
-        rate = campaign.elevator_rate_limit or np.max(np.abs(elevator.command))
+        rate = campaign.elevator_rate_limit or np.max(np.abs(elevator.tape.commands))
         neighbors = np.stack([angle[:-2], angle[2:]])
         above = angle[1:-1] - neighbors.max(axis=0)
         below = neighbors.min(axis=0) - angle[1:-1]
         # A turn of the servo within a step sticks out by a step at full rate.
-        steps = np.diff(elevator.time)
+        steps = np.diff(elevator.seen)
         turn = rate * np.minimum(steps[:-1], steps[1:])
         sticks_out = np.maximum(above, below) > np.sqrt(2.0) * surely + turn
         sticks_out = np.pad(sticks_out, 1)
         frozen = np.zeros(len(angle), dtype=bool)
-        ordered = elevator.follow(elevator.time)
+        ordered = elevator.follow(elevator.seen)
         for first, last in stretches(find_repeats(angle[:, None], _EQUAL_NUMBERS)):
             moved = np.ptp(ordered[first - 1 : last + 1])
             from_stop = np.abs(np.abs(stops) - abs(angle[first]))

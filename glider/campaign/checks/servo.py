@@ -21,9 +21,10 @@ from scipy.optimize import brute
 
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.rates import claim_scale
-from glider.campaign.logs import Campaign
+from glider.campaign.logs import Campaign, Flight
 from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
+from glider.physics.held_commands import command_steps
 from glider.physics.servo import NO_LIMITS, STOPPING_TIME, Servo
 
 _DELAYS = np.arange(-0.02, 0.355, 0.01)
@@ -58,59 +59,108 @@ _SCATTER = 0.065
 [-]: measured by bench_travel."""
 
 
+class CommandTape(NamedTuple):
+    """The held commands of a flight, from its first row whose commands are known."""
+
+    switches: np.ndarray  #: (k,) when each begins [s].
+    commands: np.ndarray  #: (k,) [rad/s]
+    rest: float  #: Angle of the elevator before the first [rad].
+
+
+def command_tape(
+    flight: Flight, mask: Masks, switch_rate: float | None, begin: float = 0.0
+) -> CommandTape:
+    """Returns when commands switch [s], counted from `begin`, and to what."""
+    assert flight.command is not None and flight.elevator is not None
+    # What was commanded before a gap that hides commands does not count.
+    rows = np.arange(mask.first, len(flight.time))
+    time = flight.time - begin
+    since = flight.command_time
+    if since is not None:
+        since = (since - begin)[rows]
+    tape = command_steps(time[rows], flight.command[rows], switch_rate, since)
+    seen = rows[~mask.elevator[rows]]
+    if not len(seen):
+        return CommandTape(*tape, 0.0)
+    first = seen[0]  # Its noise is what x[3] is for.
+    [travel] = elevator_path(*tape, time[[first]])
+    return CommandTape(*tape, float(flight.elevator[first] - travel))
+
+
+class LateServo(NamedTuple):
+    """A servo that elevators may follow."""
+
+    limits: Servo = NO_LIMITS
+    delay: float = 0.0  #: [s]
+    lag: float = 0.0  #: [s]
+
+
+_UNLIMITED = LateServo()
+
+
 class Elevator(NamedTuple):
-    """The elevator of one flight, and the commands that are known.
+    """The measured elevator of a flight, and the commands that it may follow.
 
     Where gaps hide commands, both are those of one piece of the flight.
     """
 
     name: str  #: Name of the flight.
-    time: np.ndarray  #: (k,) of the angles [s].
-    angle: np.ndarray  #: (k,) [rad]
-    command_time: np.ndarray  #: (n,) of the commands; each row has a new one [s].
-    command: np.ndarray  #: (n,) [rad/s]
+    time: np.ndarray  #: (n,) of the rows of the piece [s].
+    rows: np.ndarray  #: (m,) those that count.
+    angle: np.ndarray  #: (m,) measured there [rad].
+    tape: CommandTape
 
     @property
-    def travel(self) -> float:
-        """Range of its angles [rad]; 0 without any."""
-        return float(np.ptp(self.angle)) if len(self.angle) else 0.0
-
-    @property
-    def ordered_travel(self) -> float:
-        """Range of the angles that the commands ask for [rad]."""
-        return float(np.ptp(self.follow(self.command_time)))
+    def seen(self) -> np.ndarray:
+        """Times (m,) of the angles [s]."""
+        return self.time[self.rows]
 
     def follow(
-        self, query: np.ndarray, servo: Servo = NO_LIMITS, lag: float = 0.0
+        self,
+        query: np.ndarray,
+        servo: LateServo = _UNLIMITED,
+        rest: float | None = None,
     ) -> np.ndarray:
-        """Angles of a servo with a lag [s] behind the commands, at any times [rad]."""
-        tape = self.command_time, self.command
-        start = float(self.angle[0]) if len(self.angle) else 0.0
-        return elevator_path(*tape, query, servo, time_constant=lag, start=start)
+        """Angles of a servo behind the commands, at any times [rad].
+
+        It began at `rest`, or at the angle of the tape.
+        """
+        return elevator_path(
+            self.tape.switches,
+            self.tape.commands,
+            query,
+            servo.limits,
+            delay=servo.delay,
+            time_constant=servo.lag,
+            start=self.tape.rest if rest is None else rest,
+        )
 
 
 def measure_elevators(
-    campaign: Campaign, masks: Mapping[str, Masks]
-) -> tuple[Elevator, ...]:
-    """Elevators of a campaign's flights; none without a servo."""
+    campaign: Campaign, masks: Mapping[str, Masks], *, at_rows: bool = True
+) -> list[Elevator]:
+    """Elevators of a campaign's flights; none without a servo.
+
+    Commands begin at the rows that show them first, or where a clock gave them.
+    """
     elevators = []
     for flight in campaign.flights if campaign.elevator == "servo" else ():
         assert flight.elevator is not None and flight.command is not None
         mask = masks_of(flight, masks)
-        rows = ~(mask.elevator | mask.beyond)
         piece = slice(mask.first, mask.last)
-        elevator = Elevator(
-            name=flight.name,
-            time=flight.time[rows],
-            angle=flight.elevator[rows],
-            command_time=flight.time[piece],
-            command=flight.command[piece],
-        )
-        elevators.append(elevator)
-    return tuple(elevators)
+        time = flight.time[piece]
+        rows = np.flatnonzero(~mask.elevator[piece])
+        angle = flight.elevator[piece][rows]
+        if at_rows:
+            rest = float(angle[0]) if len(angle) else 0.0
+            tape = CommandTape(time, flight.command[piece], rest)
+        else:
+            tape = command_tape(flight, mask, campaign.switch_rate)
+        elevators.append(Elevator(flight.name, time, rows, angle, tape))
+    return elevators
 
 
-def changes_of(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _changes_of(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends (2, k) of windows in a log (n,) [s], and by how much an angle changes."""
     begin = np.arange(time[0], time[-1] - _WINDOW, 0.5 * _WINDOW)
     ends = np.stack([begin, begin + _WINDOW])
@@ -121,8 +171,8 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
     """Refuses an elevator that does not follow its commands, or precedes them."""
     if not elevators:
         return
-    commanded = max(elevator.ordered_travel for elevator in elevators)
-    moved = max(elevator.travel for elevator in elevators)
+    commanded = max(float(np.ptp(each.follow(each.time))) for each in elevators)
+    moved = max(float(np.ptp(each.angle)) for each in elevators if len(each.angle))
     if commanded < _MOVES and moved < _MOVES:
         return
     if min(moved, commanded) < _MOVES:
@@ -191,10 +241,10 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
     Squared changes of the elevator, products with the commanded ones, squares of these,
     and 1. All are 0 where commands are not known, or near a stop.
     """
-    if len(elevator.time) < 2:
+    if len(elevator.rows) < 2:
         return np.zeros((4, len(delays), 0))
-    ends, change = changes_of(elevator.time, elevator.angle)
-    time = elevator.command_time
+    ends, change = _changes_of(elevator.seen, elevator.angle)
+    time = elevator.time
     after = np.clip(np.searchsorted(time, ends), 1, len(time) - 1)
     share = (ends - time[after - 1]) / (time[after] - time[after - 1])
     late = delays[:, None]
@@ -205,7 +255,7 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
     ordered = shown[:, 1] - shown[:, 0]
     is_known = (ends[0] - late >= time[0]) & (ends[1] - late <= time[-1])
     slowing = STOPPING_TIME * stops.rate if math.isfinite(stops.rate) else 0.0
-    angles = np.interp(ends, elevator.time, elevator.angle)
+    angles = np.interp(ends, elevator.seen, elevator.angle)
     is_near = (angles < stops.low + slowing) | (angles > stops.high - slowing)
     is_known &= ~is_near.any(axis=0)
     one = np.ones_like(ordered)
@@ -229,53 +279,51 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
 
 
 def _calc_travel(
-    elevators: Sequence[Elevator], servo: Servo = NO_LIMITS
+    elevators: Sequence[Elevator], limits: Servo = NO_LIMITS
 ) -> tuple[float, float]:
     """Measured over commanded travel without its sign, and its standard error.
 
-    Least squares over all flights. The servo keeps its limits, or none if that fits
-    better: those of commands in another unit are others. The error is what flights
-    scatter by; it is infinite if the lag is too long.
+    Least squares over all flights, of a delay and a lag that fit a few of them. The
+    servo keeps its limits, or none if that fits better: those of commands in another
+    unit are others. The error is what flights scatter by; it is infinite if the lag is
+    too long.
     """
-    shown = [elevator for elevator in elevators if len(elevator.time) > _FEWEST_ROWS]
+    shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
     if not shown:
         return 0.0, math.inf
-    fits = [_fit_travel(shown, one) for one in (servo, NO_LIMITS)]
-    best = min(fits, key=lambda fit: fit.left)
+    few = shown[:: max(1, len(shown) // _FEW)]
+    fits = []
+    for own in (limits, NO_LIMITS):
+
+        def left(late: np.ndarray, own: Servo = own) -> float:
+            return _compare_travel(few, _late_servo(own, late))[0]
+
+        servo = _late_servo(own, brute(left, _TRIED))
+        fits.append((*_compare_travel(shown, servo), servo.lag))
+    _, gain, lag = min(fits)
     error = _SCATTER / math.sqrt(len(shown))
-    if best.lag > _LONGEST_LAG and best.gain <= 1.0:
+    if lag > _LONGEST_LAG and gain <= 1.0:
         error = math.inf
-    return best.gain, error
+    return gain, error
 
 
-class _Travel(NamedTuple):
-    """The delay, lag and gain of a servo that leave least unexplained."""
-
-    left: float  #: Sum of squares that is not explained [rad²].
-    lag: float  #: [s]
-    gain: float  #: Measured over commanded travel, without its sign.
+def _late_servo(limits: Servo, late: np.ndarray) -> LateServo:
+    """A servo with a delay and a lag (2,) [s]."""
+    return LateServo(limits, float(late[0]), abs(float(late[1])))
 
 
-def _fit_travel(elevators: Sequence[Elevator], servo: Servo) -> _Travel:
-    """Fits delay and lag to a few elevators, and the gain to all."""
-    few = elevators[:: max(1, len(elevators) // _FEW)]
-    late = brute(lambda late: _compare_paths(few, servo, late).left, _TRIED)
-    return _compare_paths(elevators, servo, late)
-
-
-def _compare_paths(
-    elevators: Sequence[Elevator], servo: Servo, late: np.ndarray
-) -> _Travel:
-    """Compares elevators with a servo of such a delay and lag [s]."""
+def _compare_travel(
+    elevators: Sequence[Elevator], servo: LateServo
+) -> tuple[float, float]:
+    """Squares that a servo leaves of elevators [rad²], and their gain over its path."""
     measured = []
     paths = []
-    lag = abs(float(late[1]))
     for elevator in elevators:
-        path = elevator.follow(elevator.time - late[0], servo, lag)
+        path = elevator.follow(elevator.seen, servo)
         measured.append(elevator.angle - np.mean(elevator.angle))
         paths.append(path - np.mean(path))
     angle = np.concatenate(measured)
     path = np.concatenate(paths)
     gain = float(angle @ path) / max(float(path @ path), 1e-30)
     left = float(np.sum((angle - gain * path) ** 2))
-    return _Travel(left, lag, abs(gain))
+    return left, abs(gain)

@@ -10,17 +10,15 @@ so that the aerodynamics are traced along the measured elevator.
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from glider.campaign.checks.masks import Masks, masks_of
-from glider.campaign.logs import Campaign, Departure, Flight
+from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.servo import Elevator, LateServo, measure_elevators
+from glider.campaign.logs import Campaign, Departure
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
-from glider.compiled.actuators import elevator_path
-from glider.physics.held_commands import command_steps
 from glider.physics.parameters import MAX_ANGLE
 from glider.physics.servo import Servo
 
@@ -36,6 +34,8 @@ _ERROR_SCALE = 1.5
 """Ratio of a departure's error to its standard error as a Gaussian process: 0.6 to 1.4,
 as departures are uneven (bench_departures)."""
 _FEWEST_ROWS = 10  # Of a flight whose departure can be smoothed.
+_FREE = ("low",), ("high",), ("rate",), ("low", "high", "rate")
+"""Limits that a servo may have of its own: the first that explain the elevators."""
 _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
 _SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
 _LONGEST = (0.3, 0.5)  # Delay and lag [s].
@@ -45,102 +45,6 @@ _SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
 _LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
 _USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
 _DIFFERENCE = 1e-3  # Relative step of slopes.
-
-
-class CommandTape(NamedTuple):
-    """The held commands of a flight, from its first row whose commands are known."""
-
-    switches: np.ndarray  #: (k,) when each begins [s].
-    commands: np.ndarray  #: (k,) [rad/s]
-    rest: float  #: Angle of the elevator before the first [rad].
-
-
-def command_tape(
-    flight: Flight, mask: Masks, switch_rate: float | None, begin: float = 0.0
-) -> CommandTape:
-    """Returns when commands switch [s], counted from `begin`, and to what."""
-    assert flight.command is not None and flight.elevator is not None
-    # What was commanded before a gap that hides commands does not count.
-    rows = np.arange(mask.first, len(flight.time))
-    time = flight.time - begin
-    since = flight.command_time
-    if since is not None:
-        since = (since - begin)[rows]
-    tape = command_steps(time[rows], flight.command[rows], switch_rate, since)
-    seen = rows[~mask.elevator[rows]]
-    if not len(seen):
-        return CommandTape(*tape, 0.0)
-    first = seen[0]  # Its noise is what x[3] is for.
-    [travel] = elevator_path(*tape, time[[first]])
-    return CommandTape(*tape, float(flight.elevator[first] - travel))
-
-
-class _Elevator(NamedTuple):
-    """The measured elevator of a flight behind its commands."""
-
-    name: str  #: Name of the flight.
-    time: np.ndarray  #: (n,) of all rows [s].
-    rows: np.ndarray  #: (m,) rows that count.
-    angle: np.ndarray  #: (m,) measured there [rad].
-    tape: CommandTape
-
-    def rest(self, servo: "_ServoFit") -> float:
-        """Angle at which it rested [rad]: that logged first, without its noise.
-
-        Noise would shift all angles until a stop.
-        """
-        path = self._follow(servo, self.tape.rest)
-        low, high, _ = servo.limits
-        moves_freely = (path > low + _NEAR_STOP) & (path < high - _NEAR_STOP)
-        free = np.logical_and.accumulate(moves_freely)
-        if free.all() or not free.any():
-            return self.tape.rest
-        return self.tape.rest + float(np.median((self.angle - path)[free]))
-
-    def errors(self, servo: "_ServoFit") -> np.ndarray:
-        """Measured minus expected angles (m,) [rad]."""
-        return self.angle - self._follow(servo, self.rest(servo))
-
-    def _follow(self, servo: "_ServoFit", rest: float) -> np.ndarray:
-        """Angles (m,) of a servo that began at rest [rad]."""
-        return elevator_path(
-            self.tape.switches,
-            self.tape.commands,
-            self.time[self.rows],
-            servo.limits,
-            delay=servo.delay,
-            time_constant=servo.lag,
-            start=rest,
-        )
-
-    def lasting_errors(self, servo: "_ServoFit") -> np.ndarray:
-        """The same without what a lag makes of a late first command (m,) [rad].
-
-        That is a constant and what fades with the lag.
-        """
-        error = self.errors(servo)
-        since = self.time[self.rows] - self.tape.switches[0]
-        fading = np.exp(-since / max(servo.lag, _SHORTEST_LAG))
-        columns = np.stack([np.ones(len(since)), fading], axis=1)
-        return error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
-
-
-class _ServoFit(NamedTuple):
-    """A servo that elevators follow."""
-
-    limits: Servo
-    delay: float = 0.0  #: [s]
-    lag: float = 0.0  #: [s]
-
-    def departures(self, elevators: Sequence[_Elevator]) -> Smoothing:
-        """Returns how elevators depart from the servo."""
-        times = [each.time[each.rows] for each in elevators]
-        errors = [each.lasting_errors(self)[:, None] for each in elevators]
-        return estimate_noise(times, errors, _ORDER)[0]
-
-    def explains(self, elevators: Sequence[_Elevator]) -> bool:
-        """Whether elevators are off by noise alone."""
-        return self.departures(elevators).evidence < _LEAST_EVIDENCE
 
 
 def identify_servo(
@@ -155,22 +59,20 @@ def identify_servo(
     if log.angle != "measured" or log.command == "reconstructed":
         return campaign, ()
     elevators = _measure(campaign, masks)
-    specified = _ServoFit(campaign.limits)
-    if not elevators or specified.explains(elevators):
+    specified = LateServo(campaign.limits)
+    if not elevators or _explains(specified, elevators):
         return campaign, ()
-    earliest = -_SURE * campaign.servo.command_std
-    servo = _fit(elevators, specified, earliest)
-    if servo.explains(elevators):  # A delay and a lag are effects to be traced.
+    servo = _fit(elevators, specified, log.command_std)
+    if _explains(servo, elevators):  # A delay and a lag are effects to be traced.
         return campaign, ()
-    limited = _fit_limits(elevators, servo, earliest)
-    if limited:
-        return _with_limits(campaign, limited.limits)
+    for free in _FREE:
+        limited = _fit(elevators, servo, log.command_std, free)
+        if _explains(limited, elevators):
+            return _with_limits(campaign, limited.limits)
     # A few flights may be odd: the others are left as they are.
-    odd: list[_Elevator] = []
-    others: list[_Elevator] = []
-    for each in elevators:
-        (others if servo.explains([each]) else odd).append(each)
-    few = odd if others and servo.explains(others) else elevators
+    odd = [each for each in elevators if not _explains(servo, [each])]
+    others = [each for each in elevators if _explains(servo, [each])]
+    few = odd if others and _explains(servo, others) else elevators
     return _with_departures(campaign, servo, few)
 
 
@@ -179,45 +81,70 @@ def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> fl
     elevators = _measure(campaign, masks)
     if not elevators:
         return 0.0
-    return _ServoFit(campaign.limits).departures(elevators).noise
+    return _departures(LateServo(campaign.limits), elevators).noise
 
 
-def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[_Elevator]:
-    """Elevators behind their commands, of flights with enough rows of both."""
-    elevators = []
-    for flight in campaign.flights if campaign.elevator == "servo" else ():
-        assert flight.elevator is not None
-        mask = masks_of(flight, masks)
-        rows = np.flatnonzero(~(mask.elevator | mask.beyond))
-        if len(rows) >= _FEWEST_ROWS:
-            tape = command_tape(flight, mask, campaign.switch_rate)
-            angle = flight.elevator[rows]
-            elevators.append(_Elevator(flight.name, flight.time, rows, angle, tape))
-    return elevators
+def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
+    """Elevators of flights with enough rows, behind commands by their clock."""
+    elevators = measure_elevators(campaign, masks, at_rows=False)
+    return [each for each in elevators if len(each.rows) >= _FEWEST_ROWS]
+
+
+def _find_rest(elevator: Elevator, servo: LateServo) -> float:
+    """Angle at which an elevator rested [rad]: that logged first, without its noise.
+
+    Noise would shift all angles until a stop.
+    """
+    rest = elevator.tape.rest
+    path = elevator.follow(elevator.seen, servo)
+    low, high, _ = servo.limits
+    moves_freely = (path > low + _NEAR_STOP) & (path < high - _NEAR_STOP)
+    free = np.logical_and.accumulate(moves_freely)
+    if free.all() or not free.any():
+        return rest
+    return rest + float(np.median((elevator.angle - path)[free]))
+
+
+def _errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
+    """Measured minus expected angles (m,) [rad]."""
+    rest = _find_rest(elevator, servo)
+    return elevator.angle - elevator.follow(elevator.seen, servo, rest)
+
+
+def _lasting_errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
+    """The same without what a lag makes of a late first command (m,) [rad].
+
+    That is a constant and what fades with the lag.
+    """
+    error = _errors(elevator, servo)
+    since = elevator.seen - elevator.tape.switches[0]
+    fading = np.exp(-since / max(servo.lag, _SHORTEST_LAG))
+    columns = np.stack([np.ones(len(since)), fading], axis=1)
+    return error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+
+
+def _departures(servo: LateServo, elevators: Sequence[Elevator]) -> Smoothing:
+    """Returns how elevators depart from a servo."""
+    times = [each.seen for each in elevators]
+    errors = [_lasting_errors(each, servo)[:, None] for each in elevators]
+    return estimate_noise(times, errors, _ORDER)[0]
+
+
+def _explains(servo: LateServo, elevators: Sequence[Elevator]) -> bool:
+    """Whether elevators are off by noise alone."""
+    return _departures(servo, elevators).evidence < _LEAST_EVIDENCE
 
 
 def _fit(
-    elevators: Sequence[_Elevator], start: _ServoFit, earliest: float
-) -> _ServoFit:
-    """Fits delay and lag of a servo that keeps its limits.
+    elevators: Sequence[Elevator],
+    start: LateServo,
+    clock_std: float,
+    free: tuple[str, ...] = (),
+) -> LateServo:
+    """Fits the delay and lag of a servo, and those of its limits that are free.
 
-    Its delay is `earliest` at least [s].
-    """
-
-    def servo_of(numbers: np.ndarray) -> _ServoFit:
-        return _ServoFit(start.limits, *map(float, numbers))
-
-    bounds = ((earliest, 0.0), _LONGEST)
-    fits = [_minimize(elevators, servo_of, d, bounds, _STEPS) for d in _STARTS]
-    return min(fits, key=lambda fit: fit.departures(elevators).evidence)
-
-
-def _fit_limits(
-    elevators: Sequence[_Elevator], start: _ServoFit, earliest: float
-) -> _ServoFit | None:
-    """Fits a servo with one limit of its own, or with three: the first that explains.
-
-    Limits begin where elevators and commands end. None where none explains.
+    Commands may be late by the error of their clock [s]. Limits begin where elevators
+    and commands end.
     """
     angles = np.concatenate([each.angle for each in elevators])
     commands = np.concatenate([each.tape.commands for each in elevators])
@@ -226,55 +153,38 @@ def _fit_limits(
     middle = 0.5 * (low + high)
     span = high - low
     fastest = float(np.max(np.abs(commands)))
-    ranges = {  # First, least and most of each, and its scale.
-        "low": (low, low - span, middle, 0.1),
-        "high": (high, middle, high + span, 0.1),
-        "rate": (0.9 * fastest, _LEAST_RATE, 2.0 * fastest, 1.0),
+    ranges = {  # Least and most of each limit, where it begins, and its scale.
+        "low": (low - span, middle, low, 0.1),
+        "high": (middle, high + span, high, 0.1),
+        "rate": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
     }
-    for free in (("low",), ("high",), ("rate",), ("low", "high", "rate")):
 
-        def servo_of(numbers: np.ndarray, free: tuple[str, ...] = free) -> _ServoFit:
-            delay, lag, *values = map(float, numbers)
-            own = dict(zip(free, values, strict=True))
-            return _ServoFit(start.limits._replace(**own), delay, lag)
-
-        firsts, leasts, mosts, scales = zip(*(ranges[n] for n in free), strict=True)
-        bounds = ((earliest, 0.0, *leasts), (*_LONGEST, *mosts))
-        for late in (_STARTS[0], (start.delay, start.lag)):
-            first = (*late, *firsts)
-            fit = _minimize(elevators, servo_of, first, bounds, (*_STEPS, *scales))
-            if fit.explains(elevators):
-                return fit
-    return None
-
-
-def _minimize(
-    elevators: Sequence[_Elevator],
-    servo_of: Callable[[np.ndarray], _ServoFit],
-    first: Sequence[float],
-    bounds: tuple[Sequence[float], Sequence[float]],
-    steps: Sequence[float],
-) -> _ServoFit:
-    """Returns the servo of least errors.
-
-    Large ones weigh less: a lost command says nothing of the servo. `steps` scale the
-    numbers that `servo_of` makes a servo of.
-    """
+    def servo_of(numbers: np.ndarray) -> LateServo:
+        delay, lag, *values = map(float, numbers)
+        own = dict(zip(free, values, strict=True))
+        return LateServo(start.limits._replace(**own), delay, lag)
 
     def errors(numbers: np.ndarray) -> np.ndarray:
         servo = servo_of(numbers)
-        return np.concatenate([each.lasting_errors(servo) for each in elevators])
+        return np.concatenate([_lasting_errors(each, servo) for each in elevators])
 
-    fit = least_squares(
-        errors,
-        first,
-        bounds=bounds,
-        x_scale=steps,
-        diff_step=_DIFFERENCE,
-        loss="soft_l1",
-        f_scale=_USUAL_ERROR,
-    )
-    return servo_of(fit.x)
+    least = [-_SURE * clock_std, 0.0, *(ranges[name][0] for name in free)]
+    most = [*_LONGEST, *(ranges[name][1] for name in free)]
+    scales = [*_STEPS, *(ranges[name][3] for name in free)]
+    fits = []
+    for late in (_STARTS[0], start[1:]) if free else _STARTS:
+        # Large errors weigh less: a lost command says nothing of the servo.
+        fit = least_squares(
+            errors,
+            [*late, *(ranges[name][2] for name in free)],
+            bounds=(least, most),
+            x_scale=scales,
+            diff_step=_DIFFERENCE,
+            loss="soft_l1",
+            f_scale=_USUAL_ERROR,
+        )
+        fits.append(servo_of(fit.x))
+    return min(fits, key=lambda servo: _departures(servo, elevators).evidence)
 
 
 def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str, ...]]:
@@ -298,34 +208,33 @@ def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str,
 
 
 def _with_departures(
-    campaign: Campaign, servo: _ServoFit, elevators: Sequence[_Elevator]
+    campaign: Campaign, servo: LateServo, elevators: Sequence[Elevator]
 ) -> tuple[Campaign, tuple[str, ...]]:
     """Returns the campaign with its elevators' departures from a servo."""
-    found = servo.departures(elevators)
+    found = _departures(servo, elevators)
+    times = {flight.name: flight.time for flight in campaign.flights}
     curves = {}
-    rests = {}
     shares = []
     for each in elevators:
-        seen = each.time[each.rows]
-        query = np.clip(each.time, seen[0], seen[-1])
-        smoothed = smoothing_maps(seen, query, found.ratio, _ORDER)[0]
-        curves[each.name] = smoothed @ each.errors(servo)
-        rests[each.name] = each.rest(servo)
-        at_rows = smoothed[each.rows].diagonal()
-        shares.append(np.mean(at_rows))
+        query = np.append(times[each.name], each.seen)
+        query = np.clip(query, each.seen[0], each.seen[-1])
+        smoothed = smoothing_maps(each.seen, query, found.ratio, _ORDER)[0]
+        count = len(times[each.name])
+        shares.append(np.mean(smoothed[count:].diagonal()))
+        curves[each.name] = smoothed[:count] @ _errors(each, servo)
     share = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0)
-    std = share * found.noise
-    flights = []
-    for flight in campaign.flights:
-        curve = curves.get(flight.name)
-        own = None
-        if curve is not None:
-            own = Departure(curve, rests[flight.name], std)
-        flights.append(dataclasses.replace(flight, departure=own))
+    departures = {}
+    for each in elevators:
+        curve = curves[each.name]
+        rest = _find_rest(each, servo)
+        departures[each.name] = Departure(curve, rest, share * found.noise)
+    flights = [
+        dataclasses.replace(flight, departure=departures.get(flight.name))
+        for flight in campaign.flights
+    ]
     largest = {name: float(np.max(np.abs(curve))) for name, curve in curves.items()}
     worst = max(largest, key=largest.__getitem__)
-    time = next(each.time for each in elevators if each.name == worst)
-    when = time[np.argmax(np.abs(curves[worst]))]
+    when = times[worst][np.argmax(np.abs(curves[worst]))]
     rms = math.sqrt(np.mean([np.var(curve) for curve in curves.values()]))
     sentence = (
         f"The elevator departs from its commands by {1e3 * rms:.2g} mrad (RMS; its "

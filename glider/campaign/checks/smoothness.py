@@ -34,7 +34,7 @@ _LONG_STEP = 3.0  # Steps longer than this many median ones are gaps, and cut.
 _MAX_EVENTS = 60  # Faults in one flight that are examined one by one.
 
 
-class Track(NamedTuple):
+class Rows(NamedTuple):
     """Rows of a track, and how noisy they are."""
 
     time: np.ndarray  #: (n,) [s]
@@ -72,7 +72,7 @@ def fourth_differences(
 
 
 def find_one_motion(
-    track: Track, usable: np.ndarray
+    track: Rows, usable: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Usable rows (n,) that stick out, are displaced, or come after a contact."""
     sticks_out = np.zeros(len(track.time), dtype=bool)
@@ -110,7 +110,7 @@ def find_one_motion(
     return sticks_out, displaced, touched
 
 
-def _calc_excess(track: Track, run: np.ndarray) -> np.ndarray:
+def _calc_excess(track: Rows, run: np.ndarray) -> np.ndarray:
     """Fourth differences of rows (k,) over what is allowed, (k - 4,)."""
     differences, step = fourth_differences(track.time[run], track.pose[run])
     # A step a of the acceleration makes a fourth difference a step², of norm sqrt(70).
@@ -120,7 +120,7 @@ def _calc_excess(track: Track, run: np.ndarray) -> np.ndarray:
     return np.max(excess, axis=1, initial=0.0)
 
 
-def _explain(track: Track, run: np.ndarray, worst: int) -> tuple[int, int]:
+def _explain(track: Rows, run: np.ndarray, worst: int) -> tuple[int, int]:
     """The least change that makes a track smooth near a stencil.
 
     One row that sticks out, a cut, two or three rows: the first of these that explains
@@ -154,12 +154,12 @@ def _explain(track: Track, run: np.ndarray, worst: int) -> tuple[int, int]:
     return best
 
 
-def _sum_excess(track: Track, rows: np.ndarray) -> float:
+def _sum_excess(track: Rows, rows: np.ndarray) -> float:
     excess = _calc_excess(track, rows)
     return float(np.sum(np.maximum(excess**2 - 1.0, 0.0)))
 
 
-def _find_longest_chain(track: Track, runs: list[np.ndarray]) -> np.ndarray:
+def _find_longest_chain(track: Rows, runs: list[np.ndarray]) -> np.ndarray:
     """Rows of the runs with most rows that can follow one another in one motion."""
     chains: list[tuple[np.ndarray, np.ndarray]] = []  # The longest with each last run.
     none = np.empty(0, dtype=int)
@@ -174,7 +174,7 @@ def _find_longest_chain(track: Track, runs: list[np.ndarray]) -> np.ndarray:
     return best
 
 
-def _find_outlying_ends(track: Track, rows: np.ndarray) -> np.ndarray:
+def _find_outlying_ends(track: Rows, rows: np.ndarray) -> np.ndarray:
     """First rows (k,), at most 3, that a parabola through the next ones misses."""
     for count in (3, 2, 1):
         inner = rows[count : count + _ENDS]
@@ -191,7 +191,7 @@ def _find_outlying_ends(track: Track, rows: np.ndarray) -> np.ndarray:
     return rows[:0]
 
 
-def _find_contact(track: Track, rows: np.ndarray) -> int:
+def _find_contact(track: Rows, rows: np.ndarray) -> int:
     """How many of the rows (k,) of one motion come before a contact.
 
     About each step between two rows a parabola with a jump of position and of velocity
@@ -230,7 +230,7 @@ def _find_contact(track: Track, rows: np.ndarray) -> int:
     return int(last[begin + largest])
 
 
-def _meet(track: Track, left: np.ndarray, right: np.ndarray) -> bool:
+def _meet(track: Rows, left: np.ndarray, right: np.ndarray) -> bool:
     """Whether two runs, each extrapolated by a parabola, meet halfway."""
     gap = track.time[[left[-1], right[0]]]
     middle = float(np.mean(gap))
@@ -246,7 +246,7 @@ def _meet(track: Track, left: np.ndarray, right: np.ndarray) -> bool:
     return bool(np.all(jump <= allowed))
 
 
-def _extrapolate(track: Track, rows: np.ndarray, time: float) -> _End:
+def _extrapolate(track: Rows, rows: np.ndarray, time: float) -> _End:
     """A parabola through rows, at a time [s]."""
     since = track.time[rows] - time
     powers = since[:, None] ** np.arange(3)

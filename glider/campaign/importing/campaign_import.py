@@ -3,6 +3,7 @@
 import dataclasses
 import fnmatch
 import itertools
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,11 +15,11 @@ from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.flight_table import Table, with_flights
 from glider.campaign.importing.advice import advise
 from glider.campaign.importing.clock_offset import join_clocks
-from glider.campaign.importing.cutting import Cut, cut
+from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.selection import ServoLogs
-from glider.campaign.importing.servo_logs import align_commands, make_servo
+from glider.campaign.importing.servo_logs import align_commands, make_servo, widen
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.importing.track import Track, angles_of, make_track, turn_along
 from glider.campaign.logs import Campaign, ServoLog
@@ -30,29 +31,11 @@ from glider.progress import Progress, announced, silent
 _REASONS = 3  # Number of reasons listed where recordings have no flight.
 
 
-class _CutFlight(NamedTuple):
-    """A flight of a recording, in SI and the axes of this project."""
-
-    table: Table  #: Its times are on the clock of the recording.
-    why: str  #: Reason why it begins and ends there.
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """Times of its first and last row [s]."""
-        time = self.table.columns["time"]
-        return float(time[0]), float(time[-1])
-
-    @property
-    def rows(self) -> int:
-        """Number of its rows."""
-        return len(self.table.columns["time"])
-
-
 class _CutRecording(NamedTuple):
     """The flights of a recording, and notes on what was done to it."""
 
     path: Path
-    flights: tuple[_CutFlight, ...]
+    flights: tuple[Table, ...]  #: Their times are on the clock of the recording.
     notes: tuple[str, ...]
     warnings: tuple[str, ...] = ()
     servo: ServoLog = ServoLog()
@@ -77,25 +60,23 @@ class ImportResult:
     @property
     def warnings(self) -> list[str]:
         """What the flights do not show, and recordings without flights if most are."""
-        warnings = [*self.undecided]
         flying = sum(bool(recording.flights) for recording in self.recordings)
         if 2 * flying < len(self.recordings):
-            warnings.append(f"{self.empty}; is 'frame:' right?")
-        return warnings
+            return [*self.undecided, f"{self.empty}; is 'frame:' right?"]
+        return [*self.undecided]
 
     def report(self) -> dict[str, Any]:
         """All of it, as JSON has it; times are those of the recordings [s]."""
-        flights = []
-        names = iter(flight.name for flight in self.campaign.flights)
+        flights: list[dict[str, Any]] = []
         for recording in self.recordings:
             for flight in recording.flights:
                 begin, end = flight.span
                 fields = {
-                    "name": next(names),
+                    "name": self.campaign.flights[len(flights)].name,
                     "recording": str(recording.path),
                     "begin": begin,
                     "end": end,
-                    "rows": flight.rows,
+                    "rows": len(flight.columns["time"]),
                     "why": flight.why,
                 }
                 flights.append(fields)
@@ -105,14 +86,14 @@ class ImportResult:
     def describe(self, *, details: bool = True) -> str:
         """Warnings, a line for each file, common notes; in detail all flights, too."""
         noted = [note for recording in self.recordings for note in recording.notes]
-        counts = {note: noted.count(note) for note in noted}
+        counts = Counter(noted)
         lines = [f"warning: {words}" for words in self.warnings]
         for file, group in itertools.groupby(self.recordings, _file_of):
             parts = list(group)
             flights = [flight for part in parts for flight in part.flights]
             own = [n for part in parts for n in part.notes if counts[n] == 1]
             of = f" of {len(parts)} parts" if len(parts) > 1 else ""
-            rows = sum(flight.rows for flight in flights)
+            rows = sum(len(flight.columns["time"]) for flight in flights)
             words = "; ".join([f"{_count(flights)}{of}, {rows} rows", *own[:2]])
             lines.append(f"{file}: {words}")
         lines += [f"{n} recordings: {note}" for note, n in counts.items() if n > 1]
@@ -244,8 +225,8 @@ def map_flight(
             "its time); expected one in each file (glider import splits them)."
         )
     track = make_track(recording, mapping)
-    [made] = _extract([track], [([Cut(track, "")], [])], mapping, settings)
-    return made.flights[0].table, made.servo
+    [made] = _extract([track], [([track], [])], mapping, settings)
+    return made.flights[0], made.servo
 
 
 def cut_recordings(
@@ -290,19 +271,10 @@ def campaign_of_cuts(
 ) -> Campaign:
     """A campaign of the flights of recordings, numbered in their order."""
     tables: list[Table] = []
-    sources: dict[bytes, Path] = {}  # By content.
     for flight in (f for recording in recordings for f in recording.flights):
-        columns = dict(flight.table.columns)
-        content = np.concatenate([columns["z"], columns["pitch"]]).tobytes()
-        if content in sources:
-            raise InputError(
-                f"{flight.table.path}: holds the flight that is in {sources[content]} "
-                "too; expected each once."
-            )
-        sources[content] = flight.table.path
-        columns["time"] = columns["time"] - flight.span[0]
+        columns = {**flight.columns, "time": flight.columns["time"] - flight.span[0]}
         name = f"flight_{len(tables):03d}.csv"
-        tables.append(Table(path=flight.table.path, name=name, columns=columns))
+        tables.append(dataclasses.replace(flight, name=name, columns=columns))
     logs = (recording.servo for recording in recordings if recording.flights)
     servo = max(logs, key=lambda log: log.clock_std, default=settings.servo)
     campaign = with_flights(dataclasses.replace(settings, servo=servo), tables)
@@ -311,35 +283,37 @@ def campaign_of_cuts(
 
 def _extract(
     tracks: list[Track],
-    found: list[tuple[list[Cut], list[str]]],
+    found: list[tuple[list[Track], list[str]]],
     mapping: Mapping,
     settings: Campaign,
     warnings: tuple[str, ...] = (),
 ) -> tuple[_CutRecording, ...]:
     """Makes tables of the flights that were cut out of recordings."""
-    clocked, of_clocks = join_clocks(tracks, [cuts for cuts, _ in found], mapping)
-    warnings = of_clocks + warnings
+    shifted, of_clocks = join_clocks(tracks, [cuts for cuts, _ in found], mapping)
     recordings = []
-    for clock, (cuts, of_cuts) in zip(clocked, found, strict=True):
-        track = clock.track
-        notes = of_cuts + clock.notes
+    for track, (cuts, of_cuts) in zip(shifted, found, strict=True):
+        notes = [*of_cuts, *track.notes]
         log = settings.servo
         flights = []
         for piece in cuts:
-            flight = turn_along(dataclasses.replace(piece.track, servo=track.servo))
+            flight = turn_along(dataclasses.replace(piece, servo=track.servo))
             columns = _pose_columns(flight)
             servo = make_servo(flight, settings, mapping.source)
             if servo is not None:
                 columns["elevator"] = servo.elevator
                 columns["elevator_rate_command"] = servo.command
                 if settings.servo == ServoLog():  # Otherwise it is specified.
-                    log = clock.widen(servo.log)
-                note = f"servo: {servo.note}"
-                if servo.note and note not in notes:
-                    notes.append(note)
-            table = Table(path=track.path, columns=columns)
-            flights.append(_CutFlight(table, piece.why))
-        made = _CutRecording(track.path, tuple(flights), tuple(notes), warnings, log)
+                    log = widen(servo.log, track)
+                if servo.note:
+                    notes.append(f"servo: {servo.note}")
+            flights.append(Table(path=track.path, columns=columns, why=piece.why))
+        made = _CutRecording(
+            path=track.path,
+            flights=tuple(flights),
+            notes=tuple(dict.fromkeys(notes)),
+            warnings=of_clocks + warnings,
+            servo=log,
+        )
         recordings.append(made)
     return tuple(recordings)
 
@@ -348,23 +322,16 @@ def _pose_columns(flight: Track) -> dict[str, np.ndarray]:
     """Columns of time and pose as a campaign's file has them."""
     pitch, sideways = angles_of(flight)
     x, y, z = flight.position.T
-    columns = {"time": flight.time, "x": x, "z": z, "pitch": _center(pitch)}
+    columns = {"time": flight.time, "x": x, "z": z, "pitch": _wrap(pitch)}
     if sideways is not None:
-        roll, yaw = map(_center, sideways.T)
+        roll, yaw = _wrap(sideways.T)
         columns |= {"y": y, "roll": roll, "yaw": yaw}
     return columns
 
 
-def _center(angle: np.ndarray) -> np.ndarray:
-    """An unwrapped angle (n,) without whole turns in its mean; a spiral's is wrapped.
-
-    A campaign's angles are below one turn [rad].
-    """
-    turn = 2.0 * np.pi
-    angle = angle - turn * np.round(np.mean(angle) / turn)
-    if np.max(np.abs(angle)) > turn:
-        angle = angle - turn * np.round(angle / turn)
-    return angle
+def _wrap(angle: np.ndarray) -> np.ndarray:
+    """Angles (n,) within ±π: a campaign's are below one turn [rad]."""
+    return np.angle(np.exp(1j * angle))
 
 
 def _count(things: Sequence, what: str = "flight") -> str:

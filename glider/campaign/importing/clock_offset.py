@@ -4,8 +4,7 @@ An elevator turns the glider: of the pitch's acceleration, what pitch, speed and
 rate do not explain must follow V² times its angle,
     pitchdd = c + V² (a sin alpha + b cos alpha) + d V q
               + e V² sin(elevator(t + offset) - alpha),
-and the offset is that of the best fit. Where the elevator was measured on the clock of
-the poses and the commands on another, the elevator's rate must follow theirs.
+and the offset is that of the best fit.
 """
 
 import dataclasses
@@ -17,13 +16,9 @@ import numpy as np
 
 from glider.campaign.checks.forces import Motions
 from glider.campaign.checks.motion import SPAN, calc_motion
-from glider.campaign.checks.servo import changes_of
-from glider.campaign.importing.cutting import Cut
 from glider.campaign.importing.selection import ServoLogs, Stream
 from glider.campaign.importing.track import Track, planar_pose, turn_along
-from glider.campaign.logs import ServoLog
 from glider.campaign.settings import Mapping
-from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
 
 _STEP = 0.01  # Between the offsets that are tried [s].
@@ -69,37 +64,10 @@ class _Offset(NamedTuple):
         left_elsewhere = 1.0 - self.elsewhere**2
         return self.correlation >= _FOLLOWS and left_elsewhere >= only * left
 
-    def refusal(self, track: Track) -> InputError:
-        """Error for a recording whose clock is not found."""
-        return InputError(
-            f"{track.path}: the offset between the clocks of poses and elevator was "
-            f"not found (they correlate by {self.correlation:.2f} at best, by "
-            f"{self.elsewhere:.2f} elsewhere); expected 'clock: SECONDS' or 'clock: "
-            "same' in the mapping."
-        )
-
-
-class _Clocked(NamedTuple):
-    """A recording with all logs on the clock of the poses."""
-
-    track: Track
-    notes: list[str]
-    std: float  #: Standard error of the shift [s].
-
-    def widen(self, log: ServoLog) -> ServoLog:
-        """A log of the servo with the errors of this shift and of stamps as well."""
-        of_poses = math.hypot(log.clock_std, self.track.jitter)
-        of_commands = log.command_std
-        if _is_measured(self.track):
-            of_commands = math.hypot(of_commands, self.std)
-        else:
-            of_poses = math.hypot(of_poses, self.std)
-        return dataclasses.replace(log, clock_std=of_poses, command_std=of_commands)
-
 
 def join_clocks(
-    tracks: list[Track], flights: list[list[Cut]], mapping: Mapping
-) -> tuple[list[_Clocked], tuple[str, ...]]:
+    tracks: list[Track], flights: list[list[Track]], mapping: Mapping
+) -> tuple[list[Track], tuple[str, ...]]:
     """Shifts the servos' logs of recordings onto the poses' clocks; and warnings."""
     clock = mapping.clock
     if clock is None:
@@ -107,20 +75,30 @@ def join_clocks(
         clock = "find" if differ else "same"
     flying: dict[int, _Flown] = {}
     for place, (track, cuts) in enumerate(zip(tracks, flights, strict=True)):
-        if cuts and _has_servo(track):
-            flying[place] = track, [turn_along(piece.track) for piece in cuts]
+        turns = track.servo.elevator or track.servo.angle_command
+        if cuts and turns and not track.has_measured:
+            flying[place] = track, list(map(turn_along, cuts))
     pairs = [*flying.values()]
     if clock not in ("same", "find"):
         offset = _Offset(float(clock), 0.0, 0.0)
         std, warnings = _check_clock(pairs, offset.seconds, mapping.source)
-        notes = [f"clock: shifted by {offset.seconds:g} s, as specified"]
-        shifted = [_Clocked(_shift(track, offset), notes, std) for track in tracks]
+        note = f"clock: shifted by {offset.seconds:g} s, as specified"
+        shifted = [_shift(track, offset, std, note) for track in tracks]
         return shifted, warnings
-    result = [_Clocked(track, [], 0.0) for track in tracks]
-    if clock == "same" or not flying:
-        return result, ()
+    if clock == "same":
+        return tracks, ()
+    for track in tracks:
+        clocks = {log.clock for log in track.servo.given}
+        if track.has_measured and len(clocks) > 1:
+            raise InputError(
+                f"{mapping.source}: clock: the elevator was measured on the clock of "
+                "the poses, and its commands are on another, which the motion does not "
+                "show; expected 'clock: SECONDS', 'clock: same', or no commands."
+            )
+    joined = [*tracks]
     warnings = ()
-    for place, offset in zip(flying, _find_offsets(pairs), strict=True):
+    found = _find_offsets(pairs) if pairs else []
+    for place, offset in zip(flying, found, strict=True):
         track = tracks[place]
         std = offset.std
         note = (
@@ -135,11 +113,11 @@ def join_clocks(
                 f"that of the poses, {gained:.0f} ms over the session: that was taken "
                 "out.",
             )
-        if track.servo.elevator is None or _is_measured(track):
+        if track.servo.elevator is None:
             note += ", and a delay of the servo, if any, with it"
             std = _ABSORBED
-        result[place] = _Clocked(_shift(track, offset), [note], std)
-    return result, warnings
+        joined[place] = _shift(track, offset, std, note)
+    return joined, warnings
 
 
 def _check_clock(
@@ -173,27 +151,16 @@ def _check_clock(
     return off, (f"{words}: it is wrong, or servo or poses are late",)
 
 
-def _has_servo(track: Track) -> bool:
-    """Whether the elevator, or a command, can be compared with another log."""
-    if _is_measured(track):
-        return len(track.servo.given) > 1
-    return bool(track.servo.elevator or track.servo.angle_command)
-
-
-def _is_measured(track: Track) -> bool:
-    """Whether the elevator was measured on the clock of the poses."""
-    elevator = track.servo.elevator
-    return elevator is not None and elevator.clock == track.clock
-
-
-def _shift(track: Track, offset: _Offset) -> Track:
+def _shift(track: Track, offset: _Offset, std: float = 0.0, note: str = "") -> Track:
     """Shifts the servo's logs of another clock onto the clock of the poses."""
     moved = [
         log and log._replace(time=offset.on_poses(log.time)) for log in track.servo
     ]
-    if _is_measured(track):
+    if track.has_measured:
         moved[0] = track.servo.elevator
-    return dataclasses.replace(track, servo=ServoLogs(*moved))
+    servo = ServoLogs(*moved)
+    notes = (*track.notes, note)
+    return dataclasses.replace(track, servo=servo, clock_std=std, notes=notes)
 
 
 class _Turning(NamedTuple):
@@ -206,11 +173,6 @@ class _Turning(NamedTuple):
     alpha: np.ndarray  #: (k,) angle of attack [rad]
     base: np.ndarray  #: (k, 4) columns without the elevator.
     target: np.ndarray  #: (k,) [rad/s²]
-
-    @property
-    def offsets(self) -> np.ndarray:
-        """All offsets (m,) at which poses and elevator overlap [s]."""
-        return _overlaps(self.track.time, self.elevator.time)
 
     def column(self, offset: float) -> np.ndarray:
         """V² sin(elevator - alpha) (k,) at an offset; beyond its log it rests."""
@@ -228,39 +190,45 @@ def _find_offsets(recordings: Sequence[_Flown]) -> list[_Offset]:
     If one offset fits all recordings it is taken: two clocks that ran on between them.
     Measured on seven campaigns of 4 and 10 flights of 0.85 s: it is right to 15 ms.
     """
-    if all(_is_measured(track) for track, _ in recordings):
-        return [_follow_commands(track) for track, _ in recordings]
+    tracks = [track for track, _ in recordings]
     turnings = [_turning_of(track, flights) for track, flights in recordings]
     # What the elevator must explain is what the rest does not.
     base, target = _stack(turnings)
     rest = np.linalg.lstsq(base, target, rcond=None)[0]
     turnings = [t._replace(target=t.target - t.base @ rest) for t in turnings]
-    first = max(t.elevator.time[0] - t.track.time[-1] for t in turnings)
-    last = min(t.elevator.time[-1] - t.track.time[0] for t in turnings)
-    offsets = np.arange(first, last + _STEP, _STEP)
-    common = _search(offsets, _follow_pitch(turnings))
-    several = len(recordings) > 1
-    if not several:
+    ranges = [_overlaps(t.track.time, t.elevator.time) for t in turnings]
+    first = max(own[0] for own in ranges)
+    last = min(own[-1] for own in ranges)
+    common = _search(np.arange(first, last + _STEP, _STEP), _follow(turnings))
+    if len(recordings) == 1:
         (refined,) = _refine_each(turnings, [common], np.eye(1))
-        offset = _find_rate(*recordings[0], refined)
-        if not offset.is_sure():
-            raise offset.refusal(turnings[0].track)
-        return [offset]
+        return _check_found(tracks, [_find_rate(*recordings[0], refined)])
     if common.is_sure(_ONLY_COMMON):
         same = np.ones((len(recordings), 1))
         return _refine_each(turnings, [common] * len(recordings), same)
     # A short flight alone is followed well at several offsets, by another effect each:
     # the effect is common to all.
-    found = [_search(t.offsets, _follow_pitch([t])) for t in turnings]
+    pairs = [*zip(ranges, turnings, strict=True)]
+    found = [_search(own, _follow([turning])) for own, turning in pairs]
     effects = [_pool([t], [o.seconds]) for t, o in zip(turnings, found, strict=True)]
     effect = np.median(effects, axis=0)
     for _ in range(_ROUNDS):
-        found = [_search(t.offsets, _follow_effect(t, effect)) for t in turnings]
+        found = [_search(own, _follow([turning], effect)) for own, turning in pairs]
         effect = _pool(turnings, [offset.seconds for offset in found])
-    for turning, offset in zip(turnings, found, strict=True):
+    return _refine_each(turnings, _check_found(tracks, found), np.eye(len(found)))
+
+
+def _check_found(tracks: Sequence[Track], found: list[_Offset]) -> list[_Offset]:
+    """Refuses recordings whose clock is not found."""
+    for track, offset in zip(tracks, found, strict=True):
         if not offset.is_sure():
-            raise offset.refusal(turning.track)
-    return _refine_each(turnings, found, np.eye(len(found)))
+            raise InputError(
+                f"{track.path}: the offset between the clocks of poses and elevator "
+                f"was not found (they correlate by {offset.correlation:.2f} at best, "
+                f"by {offset.elsewhere:.2f} elsewhere); expected 'clock: SECONDS' or "
+                "'clock: same' in the mapping."
+            )
+    return found
 
 
 def _find_rate(track: Track, flights: Sequence[Track], common: _Offset) -> _Offset:
@@ -288,7 +256,7 @@ def _find_rate(track: Track, flights: Sequence[Track], common: _Offset) -> _Offs
         middle=middle,
     )
     shifted = _turning_of(_shift(track, drifting), flights)
-    correlation = _follow_pitch([shifted])(0.0)
+    correlation = _follow([shifted])(0.0)
     if correlation <= common.correlation:
         return common
     return drifting._replace(correlation=correlation)
@@ -395,49 +363,27 @@ def _pool(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
     return np.linalg.lstsq(design, target, rcond=None)[0]
 
 
-def _follow_effect(turning: _Turning, effect: np.ndarray) -> _Follow:
-    """Compares the pitch's acceleration with a known effect (5,) of the elevator."""
-    target = turning.target - turning.base @ effect[:-1]
-    power = turning.target @ turning.target
+def _follow(turnings: Sequence[_Turning], effect: np.ndarray | None = None) -> _Follow:
+    """Compares the pitch's acceleration in recordings with their elevators' angles.
 
-    def follow(offset: float) -> float:
-        rest = target - turning.column(offset) * effect[-1]
-        return float(np.sqrt(max(0.0, 1.0 - rest @ rest / power)))
-
-    return follow
-
-
-def _follow_pitch(turnings: Sequence[_Turning]) -> _Follow:
-    """Compares the pitch's acceleration in recordings with their elevators' angles."""
-    stacked, target = _stack(turnings)
-    base, _ = np.linalg.qr(stacked)
-    target = target - base @ (base.T @ target)
+    The effect (5,) of base and elevator is known, or the one that fits best.
+    """
+    base, target = _stack(turnings)
+    basis = np.zeros((len(target), 0))
+    power = target @ target
+    if effect is None:
+        basis, _ = np.linalg.qr(base)
+        target = target - basis @ (basis.T @ target)
+        power = target @ target
+    else:
+        target = target - base @ effect[:-1]
 
     def follow(offset: float) -> float:
         column = _join_columns(turnings, [offset] * len(turnings))
-        column = column - base @ (base.T @ column)
-        size = (column @ column) * (target @ target)
-        return float(abs(column @ target) / np.sqrt(max(size, 1e-12)))
+        column = column - basis @ (basis.T @ column)
+        best = column @ target / max(column @ column, 1e-12)
+        gain = best if effect is None else effect[-1]
+        rest = target - gain * column
+        return math.sqrt(max(0.0, 1.0 - rest @ rest / max(power, 1e-12)))
 
     return follow
-
-
-def _follow_commands(track: Track) -> _Offset:
-    """Offset at which the elevator's rate follows the commands best."""
-    elevator, rates, angles = track.servo
-    command = rates or angles
-    assert elevator is not None and command is not None
-    path = command.values[:, 0]
-    if rates is not None:  # They add up to angles.
-        path = elevator_path(command.time, path, command.time)
-    ends, rate = changes_of(elevator.time, elevator.values[:, 0])
-
-    def follow(offset: float) -> float:
-        asked = np.diff(np.interp(ends + offset, command.time, path), axis=0)[0]
-        size = (rate @ rate) * (asked @ asked)
-        return float(abs(rate @ asked) / max(np.sqrt(size), 1e-12))
-
-    offset = _search(_overlaps(track.time, command.time), follow)
-    if not offset.is_sure():
-        raise offset.refusal(track)
-    return offset

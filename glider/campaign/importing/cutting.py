@@ -7,15 +7,14 @@ and for the first jump of the velocity. A throw in which the body is not seen fo
 moment is one flight: in a gap too short for another throw it has gained no energy.
 """
 
-from typing import NamedTuple
+import dataclasses
 
 import numpy as np
 
 from glider.campaign.checks.masks import find_repeats, stretches
 from glider.campaign.checks.motion import SPAN, Motion, calc_motion, robust_std
 from glider.campaign.checks.rows import FILLED, find_filled, find_stale
-from glider.campaign.checks.smoothness import Track as Rows
-from glider.campaign.checks.smoothness import find_one_motion, fourth_differences
+from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
 
 _BEST_GLIDE = 60.0
@@ -42,14 +41,7 @@ _SHORTEST = 0.2  # Duration of a flight, at least [s].
 _MIN_ROWS = 20
 
 
-class Cut(NamedTuple):
-    """One flight of a recording."""
-
-    track: Track
-    why: str  #: It begins and ends where it does.
-
-
-def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
+def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
     """Finds the flights of a recording in their order; notes what was omitted."""
     flights = []
     notes = [*track.notes]
@@ -77,7 +69,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Cut], list[str]]:
                 margin += 0.5 * SPAN
         found = _find_flight(part, gravity, margin)
         span = f"{part.time[0]:.3f}-{part.time[-1]:.3f} s"
-        if isinstance(found, Cut):
+        if isinstance(found, Track):
             flights.append(found)
         else:
             notes.append(f"{span}: {found}")
@@ -139,7 +131,7 @@ def _flies_on(time: np.ndarray, position: np.ndarray, gap: int, gravity: float) 
     return bool(min(speed[[*ends]]) > _SLOWEST and gained <= 0.5 * _PUSH * way)
 
 
-def _find_flight(part: Track, gravity: float, margin: float) -> Cut | str:
+def _find_flight(part: Track, gravity: float, margin: float) -> Track | str:
     """The flight in a part in which the body moves throughout, or why there is none.
 
     The margin is the time before the part's end that is cut at least [s].
@@ -186,7 +178,7 @@ def _find_flight(part: Track, gravity: float, margin: float) -> Cut | str:
             f"it loses {max(lost, 0.0):.2g} J/kg in {way:.3g} m, less than any glider: "
             "a motor drives it, or it rises with the air; expected gliding flight"
         )
-    return Cut(flight, f"{start}; {stop}")
+    return dataclasses.replace(flight, why=f"{start}; {stop}")
 
 
 def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float | None:

@@ -17,7 +17,6 @@ FORMATS = (
     _Format("OptiTrack Motive CSV"),
     _Format("Vicon CSV"),
     _Format("Qualisys TSV"),
-    _Format("OpenSim TRC", (".trc",)),
     _Format("C3D", (".c3d",), "ezc3d"),
     _Format("PX4 ULog", (".ulg",), "pyulog"),
     _Format("ArduPilot DataFlash", (".bin", ".log"), "pymavlink"),

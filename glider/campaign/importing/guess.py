@@ -7,6 +7,7 @@ question mark, the next best frame and what distinguishes both.
 
 import fnmatch
 import json
+import math
 import os
 import re
 from collections.abc import Sequence
@@ -30,13 +31,7 @@ from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import UNITS, Recording, split_suffix
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
-from glider.campaign.settings import (
-    FRAME_CHOICES,
-    QUANTITIES,
-    Mapping,
-    Settings,
-    Vehicle,
-)
+from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
 from glider.errors import InputError, printable
 from glider.files import schema
 from glider.progress import silent
@@ -64,7 +59,10 @@ _NAMES = {  # What names contain, in lower case, words parted by _, without unit
     "elevator": rf"{_ELEVATOR}|angle",
 }
 _NOT_AN_ANGLE = rf"{_COMMAND}|{_IS_RATE}|effort"
-_SHAPES = {"attitude": ("xyzw", "0123", "xyz", "012"), "position": ("xyz", "012")}
+_SHAPES = {
+    "attitude": ("012345678", "xyzw", "0123", "xyz", "012"),
+    "position": ("xyz", "012"),
+}
 _EULER = "roll", "pitch", "yaw"
 _SCALARS = (_RATE, _ANGLE, "x", "z", "y", *_EULER, "elevator")
 _INSTEAD = dict.fromkeys("xyz", "position") | dict.fromkeys(_EULER, "attitude")
@@ -83,7 +81,6 @@ _FOUR = {"xyzw": 0.5, "wxyz": 0.5}
 _RARE = ("YXZ", "ZXY", "YZX", "XZY", "rotation_vector")
 _THREE = {"ZYX": 0.65, "XYZ": 0.3} | dict.fromkeys(_RARE, 0.01)
 """Ways to read four or three numbers of an attitude, each with its prior."""
-_ORDER = "the order in which the software writes rotations"
 _CERTAIN = 0.99  # Probability above which nothing is asked: one wrong in a hundred.
 _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
 _MAX_FILES = 12  # Recordings that are read.
@@ -119,53 +116,56 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     ranked = [({"axes": "NED"}, 1.0)]
     if not known:
         readings, usual = _priors(recordings[0], columns)
-        ranked = rank_frames(recordings, claim, readings, usual) or [
-            (readings[0][0], 0.0)
-        ]
+        ranked = rank_frames(recordings, claim, readings, usual)
+        ranked = ranked or [(readings[0][0], 0.0)]
     frame, probability = ranked[0]
     campaign = _make_campaign(recordings, claim(frame))
-    frame = dict(frame)
-    servo = campaign.elevator == "servo"
-    servo_why = _guess_elevator(campaign, frame) if servo else ""
-    campaign = _make_campaign(recordings, claim(frame))  # Also with its signs.
+    moving = campaign.elevator == "servo"
+    servo_frame: _Fields = {}
+    servo_why = ""
+    if moving:
+        servo_frame, servo_why = _guess_elevator(campaign)
+        campaign = _make_campaign(recordings, claim(frame | servo_frame))
     lines = ["# Proposed by --guess: check each line before you use it."]
     if join:
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
     lines.append("columns:")
     how = "PX4's topic" if known else "by its name"
-    lines += [f"  {k}: {_quoted(v)}  # {how}" for k, v in columns.items()]
+    lines += [f"  {name}: {_quoted(own)}  # {how}" for name, own in columns.items()]
     if _ANGLE in known:
         reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
     if reasons:
         lines.append("units:")
-        lines += [f"  {k}: {v}  # {words}" for k, (v, words) in reasons.items()]
-    why, *question = ["by the format"] if known else _explain(ranked)
-    try:
-        check_signs(campaign)
-        if {"length", "time"} & reasons.keys():  # By their ranges only.
-            doubts = check_fall(
-                campaign, measure_motions(campaign.flights, {}), says_unknown=True
-            )
-            question += [f"  # ? {words}" for words in doubts]
-    except InputError as error:
-        question.append(
-            f"  # ? an import refuses it: {str(error).removeprefix('guess: ')}"
-        )
+        lines += [f"  {kind}: {unit}  # {why}" for kind, (unit, why) in reasons.items()]
+    lines.append(f"frame:  # {'by the format' if known else _explain(ranked)}")
+    by_range = bool({"length", "time"} & reasons.keys())
+    lines += [f"  # ? {words}" for words in _find_doubts(campaign, by_range)]
     east = re.search("east|ost|est", _words(columns.get("y", "")))
     if "roll" in columns and east and frame.get("up") == "z":
-        question.append("  # ? north, east and up are left-handed: check roll's sign")
-    lines += [f"frame:  # {why}", *question]
-    lines += [f"  {k}: {_quoted(v)}" for k, v in frame.items() if k != "elevator"]
-    if servo:
-        lines.append(f"  elevator: {frame['elevator']}  # {servo_why}")
+        lines.append("  # ? north, east and up are left-handed: check roll's sign")
+    fields = frame | {n: v for n, v in servo_frame.items() if n != "elevator"}
+    lines += [f"  {name}: {_quoted(value)}" for name, value in fields.items()]
     vehicle = "fixed_per_flight  # no elevator found; 'fixed' if all had one trim"
-    if servo:  # Commanded angles cannot be used without the limit.
+    if moving:  # Commanded angles cannot be used without the limit.
+        lines.append(f"  elevator: {servo_frame['elevator']}  # {servo_why}")
         limit = "if you know it:" if "elevator" in columns else "? missing:"
         vehicle = f"servo  # {limit} elevator_rate_limit in rad/s"
     lines.append("vehicle:  # what you know: mass, wing_area, ... in kg, m, s")
     lines.append(f"  elevator: {vehicle}")
     text = "".join(f"{printable(line)}\n" for line in lines)
     return Guess(text, campaign, probability)
+
+
+def _find_doubts(campaign: Campaign, by_range: bool) -> list[str]:
+    """What the flights of a guess contradict, or do not confirm of units by range."""
+    try:
+        check_signs(campaign)
+        if by_range:
+            motions = measure_motions(campaign.flights, {})
+            return [*check_fall(campaign, motions, says_unknown=True)]
+    except InputError as error:
+        return [f"an import refuses it: {str(error).removeprefix('guess: ')}"]
+    return []
 
 
 def guess_columns(files: Sequence[Path]) -> _Columns:
@@ -229,46 +229,49 @@ def _priors(
         known = tops if "yaw" in columns else [{}]
         return [(sign | top, 0.5) for sign in signs for top in known], usual
     axes = next(a for a in _SHAPES["attitude"] if log.find_all(attitude, a, "attitude"))
-    if axes == "xyzw" or log.rotation is not None:
+    if axes in ("012345678", "xyzw") or log.rotation is not None:
         return [({}, 1.0)], usual
     orders = _FOUR if axes == "0123" else _THREE
     return [({"rotation": order}, prior) for order, prior in orders.items()], usual
 
 
-def _explain(ranked: Sequence[tuple[_Fields, float]]) -> list[str]:
+def _explain(ranked: Sequence[tuple[_Fields, float]]) -> str:
     """How certain the best frame is; if it is not, the question to be answered."""
-    (best, probability), (rival, other) = ranked[0], ranked[min(1, len(ranked) - 1)]
+    best, probability = ranked[0]
     if probability >= _CERTAIN:
-        return [f"by forces and habits, probability {min(probability, 0.9999):.4g}"]
-    differs = [field for field, value in rival.items() if best[field] != value]
-    words = ", ".join(f"{field}: {rival[field]}" for field in differs)
-    odds = f"? probability {probability:.2g}, and {other:.2g} with {words}"
-    asked = next((FRAME_CHOICES[f][1] for f in differs if f in FRAME_CHOICES), _ORDER)
-    return [odds, f"  # what is {asked}? In the picture, arrows point to the nose."]
+        return f"by forces and habits, probability {min(probability, 0.9999):.4g}"
+    rival, other = ranked[min(1, len(ranked) - 1)]
+    differs = [f"{field}: {v}" for field, v in rival.items() if best[field] != v]
+    return (
+        f"? probability {probability:.2g}, and {other:.2g} with {', '.join(differs)}; "
+        "in the picture, arrows point to the nose"
+    )
 
 
-def _guess_elevator(campaign: Campaign, frame: _Fields) -> str:
-    """Sets the signs of elevator and command in a frame; returns the reason."""
+def _guess_elevator(campaign: Campaign) -> tuple[_Fields, str]:
+    """The signs of elevator and command, and the reason."""
     motions = measure_motions(campaign.flights, {})
-    effect = fit_elevator(campaign, motions)[0]
-    signs = ["trailing_edge_up", "trailing_edge_down"]
-    own, other = reversed(signs) if effect > 0.0 else signs
-    frame["elevator"] = own
+    effect = fit_elevator(campaign, motions).effect
+    own = "trailing_edge_up"
+    other = "trailing_edge_down"
+    if effect > 0.0:
+        own, other = other, own
+    signs = {"elevator": own}
     if follow_sign(measure_elevators(campaign, {})) < 0:
-        frame["command"] = other
+        signs["command"] = other
     if abs(effect) < SIGNIFICANT:
-        return "? the flights do not show it: check it"
-    return f"it turns the glider so, by {abs(effect):.0f} standard errors"
+        return signs, "? the flights do not show it: check it"
+    return signs, f"it turns the glider so, by {abs(effect):.0f} standard errors"
 
 
 def _quoted(value: str | list[str]) -> str:
-    value = value[0] if isinstance(value, list) and len(value) == 1 else value
-    if isinstance(value, list):
-        return f"[{', '.join(map(_quoted, value))}]"
-    plain = re.fullmatch(r"[A-Za-z/][\w./]*", value)
-    if plain and value not in ("y", "n"):
-        return value
-    return json.dumps(value, ensure_ascii=False)  # JSON's strings are YAML's, too.
+    """A name, or a list of several, as YAML has it."""
+    if isinstance(value, list) and len(value) == 1:
+        value = value[0]
+    text = yaml.safe_dump(
+        [value], default_flow_style=True, allow_unicode=True, width=math.inf
+    )
+    return text.strip()[1:-1]
 
 
 def _words(name: str) -> str:
@@ -312,62 +315,87 @@ def _find(log: Recording) -> _Columns:
     if {"position", "attitude"} <= log.known.keys():
         return dict(log.known)
     names = [name for name in _addresses(log) if not _IS_TIME(name)]
-    columns: _Columns = {}
-    bare = [split_suffix(name)[0] for name in names]
-    first = (re.fullmatch(r"(.+?)(\[?0\]?|[._ ]?[xX])", name) for name in bare)
-    stems = list(dict.fromkeys(match[1] for match in first if match))
-    for quantity, shapes in _SHAPES.items():
-        fits = [
-            stem
-            for stem in stems
-            if re.search(_NAMES[quantity], stem, re.IGNORECASE)
-            and any(log.find_all(stem, axes, quantity) for axes in shapes)
-        ]
-        owner = columns.get("attitude", "").rpartition(".")[0]
-        own = [stem for stem in fits if owner and stem.startswith(f"{owner}.")]
-        if fits:
-            columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
+    columns = _find_vectors(log, names)
     for quantity in _SCALARS:
-        if _INSTEAD.get(quantity) not in columns:
-            used = "|".join(re.escape(columns[q]) for q in _SHAPES if q in columns)
-            is_used = re.compile(rf"({used or '$'})[._ \[]?[xyzw\d]\]?", re.I).fullmatch
-            pairs = zip(names, bare, strict=True)
-            free = [n for n, b in pairs if not is_used(b)]
-            free = [n for n in free if n not in columns.values()]
-            if quantity in ("elevator", *_EULER):
-                free = [n for n in free if not re.search(_NOT_AN_ANGLE, _words(n))]
-            fits = [n for n in free if re.search(_NAMES[quantity], _words(n))]
-            columns |= {quantity: fits[0]} if fits else {}
+        if _INSTEAD.get(quantity) in columns:
+            continue
+        found = _find_scalar(quantity, names, columns)
+        if found is not None:
+            columns[quantity] = found
     if not set(_EULER) <= columns.keys():  # Only all three are a rotation.
-        columns = {q: n for q, n in columns.items() if q not in ("roll", "yaw")}
+        columns.pop("roll", None)
+        columns.pop("yaw", None)
     if _RATE in columns and _is_angle(log, columns):
         columns[_ANGLE] = columns.pop(_RATE)
     if "x" in columns and "y" in columns and "z" not in columns:  # As of a video.
         columns["z"] = columns.pop("y")
-    for group in (group for group in log.groups if not group.time):
-        times = [n for n in group.columns if re.search(_NAMES["time"], _words(n))]
-        if times and times[0] not in columns.get("time", []):
-            columns["time"] = [*columns.get("time", []), times[0]]
+    times: list[str] = []
+    for group in log.groups:
+        if group.time:
+            continue
+        own = [n for n in group.columns if re.search(_NAMES["time"], _words(n))]
+        times += own[:1]
+    if times:
+        columns["time"] = list(dict.fromkeys(times))
     return columns
+
+
+def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
+    """Common beginnings of the names of an attitude's and a position's columns."""
+    stems: dict[str, None] = {}
+    for name in names:
+        bare, _ = split_suffix(name)
+        first = re.fullmatch(r"(.+?)(\[?0\]?|[._ ]?[xX])", bare)
+        if first:
+            stems[first[1]] = None
+    columns: _Columns = {}
+    for quantity, shapes in _SHAPES.items():
+        is_named = re.compile(_NAMES[quantity], re.IGNORECASE).search
+        fits = []
+        for stem in filter(is_named, stems):
+            if any(log.find_all(stem, axes, quantity) for axes in shapes):
+                fits.append(stem)
+        owner = columns.get("attitude", "").rpartition(".")[0]
+        own = [stem for stem in fits if owner and stem.startswith(f"{owner}.")]
+        if fits:
+            columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
+    return columns
+
+
+def _find_scalar(quantity: str, names: Sequence[str], columns: _Columns) -> str | None:
+    """The first column whose name fits a quantity, and that is none of another."""
+    vectors = [re.escape(columns[q]) for q in _SHAPES if q in columns]
+    used = "|".join(vectors) or "$"
+    is_used = re.compile(rf"({used})[._ \[]?[xyzw\d]\]?", re.IGNORECASE).fullmatch
+    is_angle = quantity in ("elevator", *_EULER)
+    for name in names:
+        bare, _ = split_suffix(name)
+        if is_used(bare) or name in columns.values():
+            continue
+        words = _words(name)
+        if is_angle and re.search(_NOT_AN_ANGLE, words):
+            continue
+        if re.search(_NAMES[quantity], words):
+            return name
+    return None
 
 
 def _is_angle(log: Recording, columns: _Columns) -> bool:
     """Whether commands are angles: by their unit, or as the elevator has them."""
-    command, unit = _values(log, columns[_RATE])
+    name = columns[_RATE]
+    command, unit = _values(log, name)
     if unit or _are_pulses(command):
         return unit in (None, "deg", "rad")
-    if "elevator" not in columns:
+    if "elevator" not in columns or re.search(_IS_RATE, _words(name)):
         return False
-    angle = _values(log, columns["elevator"])[0]
-    if not 1 < len(angle) == len(command) or re.search(
-        _IS_RATE, _words(columns[_RATE])
-    ):
+    angle, _ = _values(log, columns["elevator"])
+    if not 1 < len(angle) == len(command):
         return False
     logged = np.stack([command, angle, np.gradient(angle)])
+    shown = logged[:, np.isfinite(logged).all(axis=0)]
     with np.errstate(invalid="ignore", divide="ignore"):
-        shown = logged[:, np.isfinite(logged).all(axis=0)]
-        _, to_angle, to_rate = np.corrcoef(shown)[0]
-    return bool(abs(to_angle) > abs(to_rate))
+        _, to_angle, to_rate = np.abs(np.corrcoef(shown)[0])
+    return bool(to_angle > to_rate)
 
 
 def _travel(log: Recording, stem: str) -> float:

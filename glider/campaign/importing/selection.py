@@ -3,13 +3,13 @@
 Axes and signs are still the log's own; each quantity keeps its own clock.
 """
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from glider.campaign.importing.matrices import to_quaternions
 from glider.campaign.importing.recording import (
     Column,
     Recording,
@@ -76,9 +76,9 @@ class Picker:
             return self._vector("position", columns["position"])
         if {"y", "z"} <= columns.keys():
             return self.scalars(("x", "y", "z"))
-        axes = ("x", "y") if "y" in columns else ("x", "z")
-        self._check_vertical(axes)
-        return self.scalars(axes)
+        second = "y" if "y" in columns else "z"
+        self._check_vertical(second)
+        return self.scalars(("x", second))
 
     def attitude(self) -> Stream | None:
         """Quaternions (n, 4) x, y, z, w from body to log; None for a pitch alone.
@@ -97,7 +97,7 @@ class Picker:
         shapes = ("012345678", "xyzw", "0123", *_POINT)
         axes, found = self._find("attitude", name, shapes, "of a rotation")
         if len(axes) == 9:
-            return self._matrices(self._stream(("attitude",) * 9, found, scaled=False))
+            return _of_matrices(self._stream(("attitude",) * 9, found, scaled=False))
         if len(axes) == 3:
             return self._angles(self._stream(("attitude",) * 3, found), rotation)
         if isinstance(name, list):  # In any order.
@@ -163,10 +163,6 @@ class Picker:
             raise self._error("attitude", reason)
         return _turned(stream, Rotation.from_quat)
 
-    def _matrices(self, stream: Stream) -> Stream:
-        """Quaternions of rotation matrices, row by row."""
-        return stream._replace(values=to_quaternions(stream.values.reshape(-1, 3, 3)))
-
     def _angles(self, stream: Stream, rotation: str | None) -> Stream:
         if rotation is None or rotation in ("wxyz", "xyzw"):
             raise self._error(
@@ -189,6 +185,8 @@ class Picker:
         """
         names = (markers.nose, markers.tail, markers.left, markers.right)
         points = [self._vector("attitude", name) for name in names if name]
+        for point in points:  # Zeros stand for a marker that is not seen.
+            point.values[np.all(point.values == 0.0, axis=1)] = np.nan
         if len({point.values.shape for point in points}) > 1:
             reason = "its markers have different rows or axes; expected the same of all"
             raise self._error("attitude", reason)
@@ -208,33 +206,22 @@ class Picker:
         axes = np.stack([ahead, np.cross(top, ahead), top], axis=2)
         with np.errstate(invalid="ignore", divide="ignore"):
             axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-        stream = points[0]._replace(values=axes.reshape(len(axes), 9))
-        return _turned(stream, lambda v: Rotation.from_matrix(v.reshape(-1, 3, 3)))
+        return _of_matrices(points[0]._replace(values=axes.reshape(len(axes), 9)))
 
     def _vector(self, quantity: str, name: Names | Markers) -> Stream:
-        """Points (n, 3), or in a plane (n, 2) x and the axis that is vertical [m]."""
-        if isinstance(name, str):  # Perhaps of a body or a marker.
-            names = (name, f"{name}.Position")
-            shapes = [(n, axes) for n in names for axes in _PLANE]
-            field = self._field(quantity)
-            find = self._recording.find_all
-            name = next((n for n, axes in shapes if find(n, axes, field)), name)
+        """Points (n, 3), or in a plane (n, 2) along it and up or down [m]."""
         axes, found = self._find(quantity, name, _PLANE, "with x, y, z")
-        if len(axes) == 2:
-            second = self._mapping.frame.up[-1].replace("x", "z")
-            by_letters = isinstance(name, str) and axes.isalpha()
-            self._check_vertical(axes if by_letters else f"x{second}")
+        if axes in ("xy", "xz") and isinstance(name, str):
+            self._check_vertical(axes[1])
         return self._stream(("position",) * len(axes), found)
 
-    def _check_vertical(self, axes: Sequence[str]) -> None:
+    def _check_vertical(self, second: str) -> None:
         """Refuses axes in a plane the second of which is not the vertical one."""
         up = self._mapping.frame.up
-        forward = self._mapping.frame.forward or "x"
-        if up[-1] != axes[1] or forward[-1] != "x":
+        if up[-1] != second:
             raise InputError(
-                f"{self._mapping.source}: frame: up is {up} and forward is {forward}, "
-                f"but the columns are {' and '.join(axes)}; expected up {axes[1]} or "
-                f"-{axes[1]} and forward x or -x."
+                f"{self._mapping.source}: frame: up is {up}, but the columns are x and "
+                f"{second}; expected up {second} or -{second}."
             )
 
     def _find(
@@ -242,15 +229,18 @@ class Picker:
     ) -> tuple[str, Vector]:
         """Axes, group and columns of a vector: the first of some shapes that fits."""
         field = self._field(quantity)
-        for axes in shapes:
-            if isinstance(name, str):
-                found = self._recording.find_all(name, axes, field)
+        if isinstance(name, str):
+            # A position may be that of a body or a marker.
+            owners = (name, f"{name}.Position") if shapes == _PLANE else (name,)
+            for owner, axes in itertools.product(owners, shapes):
+                found = self._recording.find_all(owner, axes, field)
                 if found is not None:
                     return axes, found
-            elif not isinstance(name, Markers) and len(name) == len(axes):
-                return axes, self._recording.find_each(name, field)
-        if isinstance(name, str):
             self._recording.find(name, field)  # Its error lists what is there.
+        elif not isinstance(name, Markers):
+            for axes in shapes:
+                if len(name) == len(axes):
+                    return axes, self._recording.find_each(name, field)
         raise self._error(quantity, f"no columns '{name}' {what} were found")
 
     def _stream(
@@ -333,6 +323,19 @@ def _without_rounding(time: np.ndarray) -> np.ndarray:
             if 1e-3 * digit < np.ptp(even - time[rows]) < 1.1 * digit:
                 clean[rows] = even
     return clean
+
+
+def _of_matrices(stream: Stream) -> Stream:
+    """Quaternions of rotation matrices (n, 9), row by row, nan where none is one.
+
+    Zeros stand for a body that is not seen.
+    """
+    matrices = stream.values.reshape(-1, 3, 3)
+    with np.errstate(invalid="ignore"):
+        is_one = np.linalg.det(matrices) > 0.5
+    values = np.where(is_one[:, None], stream.values, np.nan)
+    stream = stream._replace(values=values)
+    return _turned(stream, lambda v: Rotation.from_matrix(v.reshape(-1, 3, 3)))
 
 
 def _turned(stream: Stream, read: Callable[[np.ndarray], Rotation]) -> Stream:

@@ -84,6 +84,17 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> _Servo | None:
     return _Servo(measured, rate, note, ServoLog(command="reconstructed"))
 
 
+def widen(log: ServoLog, track: Track) -> ServoLog:
+    """A log of the servo with the errors of its shift and of stamps as well."""
+    of_poses = math.hypot(log.clock_std, track.jitter)
+    of_commands = log.command_std
+    if track.has_measured:
+        of_commands = math.hypot(of_commands, track.clock_std)
+    else:
+        of_poses = math.hypot(of_poses, track.clock_std)
+    return dataclasses.replace(log, clock_std=of_poses, command_std=of_commands)
+
+
 def _from_angles(
     time: np.ndarray,
     asked: Stream,

@@ -38,7 +38,15 @@ class Track:
     clock: str
     servo: ServoLogs  #: Positive trailing edge up.
     notes: tuple[str, ...] = ()  #: On rows that were dropped.
+    why: str = ""  #: Of a flight: it begins and ends where it does.
     jitter: float = 0.0  #: Of the stamps about the even steps that were restored [s].
+    clock_std: float = 0.0  #: Of the shift of the servo's logs onto this clock [s].
+
+    @property
+    def has_measured(self) -> bool:
+        """Whether the elevator was measured on the clock of the poses."""
+        elevator = self.servo.elevator
+        return elevator is not None and elevator.clock == self.clock
 
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:
@@ -180,15 +188,15 @@ def planar_pose(track: Track) -> np.ndarray:
 def _world_axes(frame: Frame, planar: bool) -> tuple[np.ndarray, bool]:
     """W (3, 3), and whether x has yet to be turned along each flight.
 
-    In a plane the log's axes are x and the vertical one, which becomes z.
+    In a plane the log's axes are x and the vertical one, whatever its name, which
+    becomes z.
     """
     forward = frame.forward
     up = unit_vector(frame.up)
     if planar:
-        forward = forward or "x"
         # y is not logged: it is what makes the axes right-handed.
-        up = unit_vector("z") * np.sum(up)
-        return np.stack([unit_vector(forward), np.zeros(3), up]), False
+        ahead = unit_vector("-x" if forward == "-x" else "x")
+        return np.stack([ahead, np.zeros(3), np.sum(up) * unit_vector("z")]), False
     along_throw = forward is None or forward == "throw"
     if forward is None or along_throw:  # Any axis will do until then.
         forward = next(axis for axis in "xyz" if axis != frame.up[-1])

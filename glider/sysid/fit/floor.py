@@ -168,7 +168,6 @@ def _deviations_of(flight: LinearFlight, scales: Scales) -> _Deviations:
     shows[:, PITCH, -1] = 1.0
     shows[:, ELEVATOR, ELEVATOR] = 1.0
     shows[:, ELEVATOR, servo] = 1.0
-    shows[:, 4:, PITCH_RATE] = 1.0  # With a gyro.
     return _Deviations(moves, shows)
 
 

@@ -114,7 +114,7 @@ def beginning_rows(time: np.ndarray, per_flight_trims: bool) -> int:
 def of_launch(record: Record, rows: int) -> np.ndarray:
     """Which measurements (n, C) a launch is fitted to.
 
-    The pose and a gyro's rate of the first rows; the elevator of all, as an input.
+    The pose of the first rows; the elevator of all, as an input.
     """
     seen = record.seen.copy()
     seen[rows:, np.arange(seen.shape[1]) != ELEVATOR] = False

@@ -97,7 +97,6 @@ def _filter(
     record = flight.record
     n = flight.by_x.shape[1]
     usual = start_variances(flight, scales)
-    channels = record.seen.shape[1]
     arrays = FilterArrays(
         times=record.time,
         by_x=flight.by_x,
@@ -107,14 +106,14 @@ def _filter(
         pose_by_x=flight.pose_by_x,
         outputs=flight.outputs,
         seen=record.seen,
-        variance=np.square(scales.sensors[:channels]),
+        variance=np.square(scales.sensors),
         start=usual if start is None else start,
         mean=flight.start.copy(),
         rates=1.0 / np.array(scales.times),
         powers=usual[n : n + PROCESSES],
         innovations=np.empty(flight.outputs.shape),
         variances=np.empty(record.seen.shape),
-        gains=np.empty((smoothed, channels, n + OWN_STATES)),
+        gains=np.empty((smoothed, len(scales.sensors), n + OWN_STATES)),
         airs=np.empty((smoothed, 2, n + OWN_STATES + 1)),
     )
     filter_flight(*arrays)
@@ -195,8 +194,7 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         by_sensor = np.empty_like(arrays.variance)
         by_start = np.empty_like(start)
         score_flight(by_sensor, by_start, by_power, by_time, *arrays)
-        sensors = np.zeros(5)
-        sensors[: len(by_sensor)] = 2.0 * arrays.variance * by_sensor
+        sensors = 2.0 * arrays.variance * by_sensor
         by_start[n : n + PROCESSES] += by_power
         by_start *= 2.0 * start
         air, air_z, moment, servo, *constants = by_start[n:]
@@ -214,7 +212,6 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         "wind": constants[0] + constants[1],
         "trim": constants[2],
         "pitch_zero": constants[3],
-        "rate": sensors[4],
         "rest": by_start[OFFSET] if _rests(flight.record, scales) else 0.0,
         "memory": by_start[NUM_STATES:n].sum(),
     }

@@ -5,9 +5,8 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
-from glider.compiled.filter_error import OWN_STATES, PITCH_RATE, PROCESSES
+from glider.compiled.filter_error import OWN_STATES, PROCESSES
 from glider.compiled.replay import (
     OFFSET,
     LogPath,
@@ -29,13 +28,7 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes, is_slope, slopes
 from glider.sysid.replay.log_space import SERVO_LOG, sensed
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import (
-    latency_of,
-    signals,
-    states_at_rest,
-    trimmed,
-    true_nodes,
-)
+from glider.sysid.replay.replayed import signals, states_at_rest, trimmed, true_nodes
 
 FORCES = "c_lift", "c_drag"  # Terms that errors of the forces are of.
 
@@ -248,14 +241,14 @@ def linearize(
 def _elevator_delays(record: Record) -> dict[int, float]:
     """Returns how late the elevator is at the poses by each clock [s per unit].
 
-    The keys are slots of theta. A bias of the gyro, among them, delays nothing.
+    The keys are slots of theta.
     """
     space = record.space
-    poses, commands, bias, drift = space.slots_of(SERVO_LOG.kind)
+    poses, commands, drift = space.slots_of(SERVO_LOG.kind)
     [delay] = space.slots_of(COMMAND_DELAY.kind)
     [latency] = space.slots_of(POSE_LATENCY.kind)
     same = dict.fromkeys((poses, commands, delay, latency), 1.0)
-    return {**same, bias: 0.0, drift: record.place}
+    return {**same, drift: record.place}
 
 
 def _secants(
@@ -325,19 +318,10 @@ def _outputs(
             moved = _logged(record, nodes, d.moved(theta))
             outputs[:, 3:, j] = (moved - logged) / d.size
 
-    measured = [*record.pose.T, record.elevator, record.pitch_rate]
-    outputs[:, :, -1] = np.stack(measured[: shown.shape[1]], axis=1) - shown
+    outputs[:, :, -1] = np.column_stack([record.pose, record.elevator]) - shown
     return outputs
 
 
 def _logged(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """What a log shows of states, (K + 1, C - 3): elevator and, of a gyro, rate."""
-    space = record.space
-    columns = [signals(record, theta).logged + nodes[:, OFFSET]]
-    if record.seen.shape[1] > 4:
-        latency = latency_of(record, space.replay(theta))
-        late = np.clip(record.time - latency, 0.0, record.time[-1])
-        bias = theta[space.slots_of(SERVO_LOG.kind)[2]]
-        then = CubicSpline(record.time, record.pitch_rate)(late)
-        columns.append(nodes[:, PITCH_RATE] + bias + record.pitch_rate - then)
-    return np.stack(columns, axis=1)
+    """What a log shows of the elevator at states, (K + 1, 1)."""
+    return (signals(record, theta).logged + nodes[:, OFFSET])[:, None]

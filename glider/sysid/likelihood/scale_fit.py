@@ -65,9 +65,7 @@ def fit_scales(
     `tolerance` would be gained [nats]. The slopes are exact; the information is that of
     a few flights, at scales nearby, which suffices.
     """
-    has_gyro = any(flight.record.seen.shape[1] > 4 for flight in flights)
-    shown = [name for name in free if has_gyro or name != "rate"]
-    index = np.array([NAMES.index(name) for name in shown], dtype=int)
+    index = np.array([NAMES.index(name) for name in free], dtype=int)
     low = FLOOR.logs
     high = CEILING.logs
     logs = np.clip(scales.logs, low, high)
@@ -75,7 +73,7 @@ def fit_scales(
     is_given = curvature is not None  # Of another model, whose errors may be larger.
     value, slopes = _score(flights, logs)
     # Else there is none, or it diverges.
-    begins = bool(flights and shown) and np.isfinite(value)
+    begins = bool(flights and free) and np.isfinite(value)
     for _ in range(iterations + is_given if begins else 0):
         if curvature is None:
             curvature = _information(flights, logs, index)

@@ -27,7 +27,6 @@ class Scales:
     wind: float = 0.05  #: Of flights' steady winds, x and z [m/s].
     trim: float = 0.005  #: Of their elevator trims [rad].
     pitch_zero: float = 0.005  #: Of their pitch readings [rad].
-    rate: float = 0.01  #: Of the pitch rate of a gyro [rad/s].
     rest: float = 0.01  #: Of elevators at rest, about zero [rad].
     memory: float = 0.1  #: Of effects' states at launch, in theirs.
 
@@ -47,9 +46,9 @@ class Scales:
         return np.array([self.wind, self.wind, self.trim, self.pitch_zero])
 
     @property
-    def sensors(self) -> tuple[float, float, float, float, float]:
-        """Of measured x, z, pitch, elevator and pitch rate."""
-        return self.position, self.position, self.pitch, self.elevator, self.rate
+    def sensors(self) -> tuple[float, float, float, float]:
+        """Of measured x, z, pitch and elevator."""
+        return self.position, self.position, self.pitch, self.elevator
 
     @property
     def times(self) -> tuple[float, float, float, float]:

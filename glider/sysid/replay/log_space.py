@@ -20,15 +20,13 @@ from glider.physics.model import GliderModel
 from glider.physics.parameter_space import ParameterSpace, space_of
 
 
-def _replay_log(
-    before: Replay, poses: float, commands: float, pitch_rate: float, drift: float
-) -> Replay:
+def _replay_log(before: Replay, poses: float, commands: float, drift: float) -> Replay:
     return before._replace(
         latency=before.latency + poses, delay=before.delay + commands, drift=drift
     )
 
 
-def _no_change(flow, poses, commands, pitch_rate, drift):
+def _no_change(flow, poses, commands, drift):
     return 0.0, 0.0, 0.0  # Logs are replayed through it; no model has it.
 
 
@@ -39,7 +37,6 @@ SERVO_LOG = EffectKind(
     coefficients=(
         Coefficient("poses", "s", scale=0.02, lower=-0.3, upper=0.3),
         Coefficient("commands", "s", scale=0.02, lower=-0.3, upper=0.3),
-        Coefficient("pitch_rate", "rad/s", scale=0.05, lower=-1.0, upper=1.0),
         Coefficient("drift", "s", scale=0.02, lower=-0.3, upper=0.3),
     ),
     formula=_no_change,
@@ -47,8 +44,8 @@ SERVO_LOG = EffectKind(
     replay=_replay_log,
 )
 """Offset of the poses' clock from that of the servo's log, offset of the commands'
-clock from that of the elevator, bias of a gyro, and drift of the first offset from a
-session's begin to its end: no effects of the glider, but unknowns of its logs."""
+clock from that of the elevator, and drift of the first offset from a session's begin to
+its end: no effects of the glider, but unknowns of its logs."""
 
 
 @functools.cache

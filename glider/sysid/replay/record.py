@@ -7,7 +7,8 @@ import numpy as np
 
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.planarity import in_plane, planar_pitch
-from glider.campaign.checks.servo_fit import command_tape, measure_elevator_noise
+from glider.campaign.checks.servo import command_tape
+from glider.campaign.checks.servo_fit import measure_elevator_noise
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
@@ -57,9 +58,7 @@ class Record:
     time: np.ndarray  #: (n,) of the nodes, from the first row that counts [s].
     pose: np.ndarray  #: (n, 3) measured x, z [m], pitch [rad]; smoothed where not seen.
     elevator: np.ndarray  #: (n,) measured [rad]; zero where not seen.
-    pitch_rate: np.ndarray  #: (n,) that a gyro measured [rad/s]; else interpolated.
-    #: (n, 4) which of x, z, pitch and elevator count as measured; with a gyro (n, 5).
-    seen: np.ndarray
+    seen: np.ndarray  #: (n, 4) which of x, z, pitch and elevator count as measured.
     nodes: np.ndarray  #: (n, num_states) smoothed states, those of effects at zero.
     pitch: np.ndarray  #: (n - 1, 3, 2) smoothed, and its rate: start, middle, end.
     acceleration: np.ndarray  #: (n, 3) smoothed ẍ, z̈, θ̈.
@@ -80,7 +79,7 @@ class Record:
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""
-        of_nodes = "time pose elevator pitch_rate seen nodes departure"
+        of_nodes = "time pose elevator seen nodes departure"
         of_nodes += " acceleration acceleration_std"
         ends = dict.fromkeys(of_nodes.split(), count)
         ends |= dict.fromkeys(("pitch", "bank", "side_wind"), count - 1)
@@ -143,7 +142,6 @@ def _record(
     measured = curves[0, :n].copy()
     seen = np.zeros((n, 4), dtype=bool)
     measured[at], seen[at, :3] = pose, True
-    pitch_rate, by_gyro = _pitch_rates(flight, good, time, at)
     elevator = np.zeros(n)
     rest = 0.0
     switches = np.zeros(1)
@@ -169,8 +167,7 @@ def _record(
         time=time,
         pose=measured,
         elevator=elevator,
-        pitch_rate=pitch_rate,
-        seen=np.hstack([seen, by_gyro]),
+        seen=seen,
         nodes=nodes,
         pitch=np.stack([pitch[: n - 1], pitch[n:], pitch[1:n]], axis=1),
         acceleration=curves[2, :n],
@@ -189,22 +186,6 @@ def _record(
         trim_is_moment=campaign.elevator == "fixed_per_flight"
         and "elevator_area" not in campaign.vehicle,
     )
-
-
-def _pitch_rates(
-    flight: Flight, good: np.ndarray, time: np.ndarray, at: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Pitch rates of a gyro (n,) [rad/s]; which count, (n, 1), without one (n, 0)."""
-    if flight.pitch_rate is None:
-        return np.zeros(len(time)), np.zeros((len(time), 0), dtype=bool)
-    own = flight.pitch_rate[good]
-    seen = np.zeros((len(time), 1), dtype=bool)
-    shown = np.isfinite(own)
-    shown[[0, -1]] = False  # With late poses, other times are compared.
-    seen[at[shown]] = True
-    if not shown.any():
-        return np.zeros(len(time)), seen
-    return np.interp(time, time[at[shown]], own[shown]), seen
 
 
 def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -182,10 +182,8 @@ def _parameters(campaign: Campaign, is_per_mass: bool) -> GliderParameters:
 def _of_log(campaign: Campaign, space: ParameterSpace) -> dict[int, float]:
     """Slots of theta that a log leaves open, and their spread."""
     servo = campaign.servo
-    has_gyro = any(flight.pitch_rate is not None for flight in campaign.flights)
     travel = constants.TAIL_SPREAD * (servo.angle == "reconstructed")
-    bias = _GYRO_BIAS * has_gyro
     drift = _DRIFT_SPREAD * (servo.clock_std > 0.0)
-    spreads = servo.clock_std, servo.command_std, bias, drift, travel
+    spreads = servo.clock_std, servo.command_std, drift, travel
     slots = *space.slots_of(SERVO_LOG.kind), *space.slots_of(ELEVATOR_SCALE.kind)
     return {slot: spread for slot, spread in zip(slots, spreads, strict=True) if spread}

@@ -84,6 +84,6 @@ def test_a_recording_is_cut_before_a_stop_or_a_slide(campaign, slide, least):
             servo=ServoLogs(),
         )
         [found], _ = cut(track, 9.81)
-        before.append(stopped.time[last] - found.track.time[-1])
+        before.append(stopped.time[last] - found.time[-1])
     assert np.mean(np.array(before) > 0.04) >= least
     assert np.max(before) < 0.15

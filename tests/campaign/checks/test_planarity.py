@@ -1,4 +1,4 @@
-"""Planarity of throws; attitude in logs, in and out."""
+"""Throws that roll and yaw; attitude in logs, in and out."""
 
 import dataclasses
 
@@ -7,11 +7,10 @@ import pytest
 
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import ALL
-from glider.campaign.checks.planarity import describe_planarity
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
-from tests.campaign.checks.breaking import change, scale
+from tests.campaign.checks.breaking import change
 from tests.helpers.campaigns import campaign_path
 
 
@@ -32,24 +31,6 @@ def tilt(roll=0.0, yaw=0.0, course=0.0):
 def campaign():
     whole = load_campaign(campaign_path("still_air"))
     return dataclasses.replace(whole, flights=whole.flights[:4])
-
-
-def test_without_attitude_nothing_is_known(campaign):
-    assert campaign.flights[0].attitude is None
-    assert describe_planarity(campaign.flights[0]) is None
-
-
-@pytest.mark.parametrize(
-    ("roll", "yaw", "course", "word"),
-    [
-        (0.1, -0.2, 0.05, "planar: roll up to 6°, yaw up to 11°, 5 %"),
-        (-0.6, 0.0, 0.0, "not planar: roll up to 34°, yaw up to 0°, 0 %"),
-        (0.0, 0.5, 0.5, "not planar: roll up to 0°, yaw up to 29°"),
-    ],
-)
-def test_the_largest_departure_counts(campaign, roll, yaw, course, word):
-    found = describe_planarity(tilt(roll, yaw, course)(campaign.flights[0]))
-    assert found.startswith(word)
 
 
 def roll_over(first):
@@ -116,11 +97,3 @@ def test_y_without_angles_is_ignored(campaign, tmp_path):
     for file in (tmp_path / "c").glob("flight_*.csv"):
         file.write_text(file.read_text().replace("roll", "wobble"))
     assert load_campaign(tmp_path / "c").flights[0].attitude is None
-
-
-def test_a_turned_frame_turns_the_attitude(campaign):
-    """Turning z is half a turn about x: roll stays, y and yaw turn."""
-    down = change(change(campaign, tilt(0.1, 0.2, 0.1)), scale(1.0, -1.0, 1.0))
-    found = inspect(down).campaign.flights[0].attitude
-    right = down.flights[0].attitude * [-1.0, 1.0, -1.0]
-    np.testing.assert_array_equal(found, right)

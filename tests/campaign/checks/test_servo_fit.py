@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.masks import masks_of
-from glider.campaign.checks.servo_fit import command_tape, identify_servo
+from glider.campaign.checks.servo import command_tape
+from glider.campaign.checks.servo_fit import identify_servo
 from glider.compiled.actuators import elevator_path
 from glider.physics.servo import Servo
 from tests.helpers.tasks import fly

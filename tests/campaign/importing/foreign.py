@@ -383,14 +383,16 @@ def write_qtm(folder: Path, campaign: Campaign) -> list[Path]:
 MAP_TRC = """\
 join: ["*.trc", "*_servo.txt"]
 clock: same
-columns: {position: center, time: time, elevator: angle, elevator_rate_command: rate,
-          attitude: {nose: nose, tail: [X2, Y2, Z2], left: left, right: right}}
+columns: {time: [Time, time], position: [X5, Y5, Z5], elevator: angle,
+          elevator_rate_command: rate, attitude: {nose: [X1, Y1, Z1],
+            tail: [X2, Y2, Z2], left: [X3, Y3, Z3], right: [X4, Y4, Z4]}}
+units: {length: mm}
 frame: {up: y}
 """
 
 
 def write_trc(folder: Path, campaign: Campaign) -> list[Path]:
-    """OpenSim's markers in mm; the servo by numpy.savetxt, on the same clock."""
+    """OpenSim's markers in mm, any text; the servo by numpy.savetxt, on one clock."""
     files = []
     points = {name.removeprefix("Glider:"): point for name, point in MARKERS.items()}
     for k, flight in enumerate(campaign.flights):

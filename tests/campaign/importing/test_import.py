@@ -443,9 +443,9 @@ def test_a_recording_is_cut_at_the_vehicles_gravity():
         servo=ServoLogs(),
     )
     [flight], _ = cut(track, gravity)
-    assert 0.5 < flight.track.time[0] < 0.65
+    assert 0.5 < flight.time[0] < 0.65
     elsewhere, _ = cut(track, 9.81)
-    assert not elsewhere or elsewhere[0].track.time[0] > 0.8
+    assert not elsewhere or elsewhere[0].time[0] > 0.8
 
 
 def test_nothing_that_is_printed_has_an_escape_sequence(tmp_path, campaign):

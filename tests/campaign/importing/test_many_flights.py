@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from glider.campaign.checks.inspection import inspect
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.guess import guess_mapping
 from glider.campaign.importing.readers import read_recordings
@@ -85,18 +86,16 @@ def test_a_time_that_starts_again(tmp_path, campaign):
     assert str(result.recordings[-1].path) == f"{path}/part {len(campaign.flights)}"
 
 
-def test_a_copy_of_a_flight_is_refused(tmp_path, campaign):
+def test_a_copy_of_a_flight_is_excluded(tmp_path, campaign):
     """It would count twice; the same file, named twice, is read once."""
-    files = [tmp_path / f"{k}.csv" for k in range(3)]
-    for file, k in zip(files, (0, 1, 0), strict=True):
+    files = [tmp_path / f"{k}.csv" for k in range(4)]
+    for file, k in zip(files, (0, 1, 2, 0), strict=True):
         write_text(file, rows_of(campaign.flights[k]))
     mapping = tmp_path / "MAP.yaml"
     mapping.write_text(MAP % "" + foreign.VEHICLE)
     assert len(read_flights([*files[:2], files[0]], mapping).campaign.flights) == 2
-    with pytest.raises(
-        InputError, match=r"2\.csv: holds the flight that is in .*0\.csv"
-    ):
-        read_flights(files, mapping)
+    [copy] = inspect(read_flights(files, mapping).campaign).excluded
+    assert copy.file == "flight_003.csv" and "same rows as flight_000" in copy.why
 
 
 def test_parquet(tmp_path, campaign):

@@ -19,17 +19,17 @@ from glider.sysid.likelihood.filtering import (
 )
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import MOMENT_TIME, Scales
-from tests.helpers.tasks import fly, task_of, with_gyro
+from tests.helpers.tasks import fly, task_of
 
 ROWS = 14
 SCALES = Scales(air=0.2, air_time=0.1, moment=5.0, wind=0.1, trim=0.02, pitch_zero=0.01)
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["poses", "gyro"])
-def flight(request):
+@pytest.fixture(scope="module")
+def flight():
     """A short flight with columns of a force, a sensor, the servo and a state."""
     campaign = fly(flights=2, duration=0.3)
-    task, _ = task_of(with_gyro(campaign) if request.param else campaign)
+    task, _ = task_of(campaign)
     space, record = task.space, task.records[0].first(ROWS)
     kinds = ("profile_drag", "marker_offset", "servo_lag", "dynamic_stall")
     free = [i for kind in kinds for i in space.slots_of(kind)]
@@ -115,7 +115,7 @@ class Written:
         flight, s, n = self.flight, self.scales, self.n
         rows, total, mask = len(flight.record.time), n + 8, flight.record.seen
         table = np.array([self.respond(*f)[mask] for f in self.factors()]).T
-        own = [s.position, s.position, s.pitch, s.elevator, s.rate]
+        own = [s.position, s.position, s.pitch, s.elevator]
         own = np.tile(own[: mask.shape[1]], (rows, 1))
         covariance = table @ table.T + np.diag(own[mask] ** 2)
         errors = []

@@ -27,7 +27,7 @@ from glider.sysid.likelihood.linear_flight import (
 )
 from glider.sysid.replay.replayed import signals, true_nodes
 from tests.helpers.columns import SCALES, column_error, of_launch, whitened
-from tests.helpers.tasks import fly, task_of, with_gyro
+from tests.helpers.tasks import fly, task_of
 
 NAMES = [k for k, kind in KINDS.items() if kind.stage != "log"]
 
@@ -73,25 +73,12 @@ def test_columns_of_an_effect_that_is_absent_are_derivatives(task, kind):
             assert column_error(task.records[0], theta, direction) < 0.03
 
 
-@pytest.mark.parametrize(
-    "kind", ["profile_drag", "marker_offset", "pose_latency", "servo_log"]
-)
-def test_columns_with_a_gyro_are_derivatives(kind):
-    """A pose that is late is one against the gyro, and its bias is a column."""
-    sensed = task_of(with_gyro(fly(flights=2, duration=0.4, capture=FINE)))[0]
-    space, theta = sensed.space, sensed.vehicle.theta
-    for direction in slopes(space, space.slots_of(kind)):
-        error = column_error(sensed.records[0], theta, direction)
-        assert error < (0.1 if kind == "servo_log" else 0.03)  # A path has kinks.
-
-
-def test_a_gyro_agrees_with_the_poses_that_it_is_derived_from():
-    sensed = task_of(with_gyro(fly(flights=1, duration=0.4, capture=FINE)))[0]
-    flight = linearize(sensed.records[0], sensed.vehicle.theta, NO_GAUSSIANS)
-    assert (
-        flight.record.seen[1:-1, 4].all() and not flight.record.seen[[0, -1], 4].any()
-    )
-    assert np.median(np.abs(flight.outputs[1:-1, 4, -1])) < 0.02
+def test_columns_of_a_servo_log_are_derivatives(task):
+    """Of the offsets of its clocks, and of their drift."""
+    space, theta = task.space, task.vehicle.theta
+    for direction in slopes(space, space.slots_of("servo_log")):
+        error = column_error(task.records[0], theta, direction)
+        assert error < 0.1  # A path has kinks.
 
 
 @pytest.mark.parametrize("term", sorted({*FREE_FUNCTIONS} - {*SENSOR_TERMS}))

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.campaign.motion_capture import MotionCapture
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.filtering import (
@@ -23,7 +22,7 @@ from glider.sysid.likelihood.model_fit import (
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.record import Record
 from tests.helpers.lifelike import turbulence_campaign
-from tests.helpers.tasks import begin, fit_kinds, fly, task_of, with_gyro
+from tests.helpers.tasks import begin, fit_kinds, fly, task_of
 
 
 def errors_of(task, model, kind, truth):
@@ -54,32 +53,6 @@ def test_the_truth_leaves_only_noise(fitted):
     _, model = fitted
     assert model.scales.position == pytest.approx(4e-4, rel=0.15)
     assert model.scales.air < 0.01
-
-
-def test_a_gyro_of_unknown_bias_halves_standard_errors():
-    """Beside poses as of a satellite receiver."""
-    exact = MotionCapture(position=1e-7, pitch=1e-7, elevator=1e-3)
-    damped = fly(KINDS["pitch_damping"](coefficient=0.004), flights=5, capture=exact)
-    campaign, rng, flights = with_gyro(damped, 0.01, 0.03), np.random.default_rng(2), []
-    for flight in campaign.flights:
-        pose = flight.pose + rng.normal(size=flight.pose.shape) * [0.02, 0.02, 5e-3]
-        flights.append(dataclasses.replace(flight, pose=pose))
-    stds = []
-    for gyros in (True, False):
-        kept = [
-            f if gyros else dataclasses.replace(f, pitch_rate=None) for f in flights
-        ]
-        task, model = fit_kinds(
-            dataclasses.replace(campaign, flights=tuple(kept)), "pitch_damping"
-        )
-        [error], [std] = errors_of(task, model, "pitch_damping", 0.004)
-        assert abs(error) < 4.0 * std
-        stds.append(std)
-        if gyros:
-            slot = task.space.index["servo_log.pitch_rate"]
-            assert model.theta[slot] == pytest.approx(0.03, abs=0.005)
-            assert model.scales.rate == pytest.approx(0.01, rel=0.2)
-    assert stds[0] < 0.6 * stds[1]
 
 
 def test_what_acts_is_more_likely_than_the_plate_alone(windy, fitted):

@@ -41,7 +41,7 @@ _MIN_ROWS = 3
 _DAY_ZERO = datetime.datetime(1970, 1, 1)
 
 _Rows = Sequence[Sequence[str]]
-_NumberedRows = Sequence[tuple[int, Sequence[str]]]
+NumberedRows = Sequence[tuple[int, Sequence[str]]]
 """Cells of rows, with their lines in the file."""
 
 
@@ -117,7 +117,8 @@ def parse_rows(path: Path, rows: _Rows) -> Recording:
     columns: dict[str, Column] = {}
     owner = ""
     above = header[-2] if len(header) > 1 else [""] * width
-    for j, name in enumerate(header[-1]):
+    for j, own in enumerate(header[-1]):
+        name = own or above[j]
         bare, unit = split_unit(name)
         owner = above[j] or owner
         if owner and header[-1].count(name) > 1:
@@ -143,12 +144,12 @@ def _split_words(header: str) -> list[str]:
     return [word for word in re.split(r"[\s,;|]+", joined) if word]
 
 
-def number_rows(rows: _Rows, first: int, last: int | None = None) -> _NumberedRows:
+def number_rows(rows: _Rows, first: int, last: int | None = None) -> NumberedRows:
     """Some rows of a file that are not blank, with their lines."""
     return [(i, row) for i, row in enumerate(rows[first:last], first + 1) if any(row)]
 
 
-def make_column(name: str, rows: _NumberedRows, j: int, unit: str | None) -> Column:
+def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Column:
     """The j-th cells of rows; times in ISO 8601 become seconds from the first row."""
     cells = [row[j] if j < len(row) else "" for _, row in rows]
     cells = ["" if _BLANK.fullmatch(cell) else cell for cell in cells]

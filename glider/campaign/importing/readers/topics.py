@@ -185,11 +185,10 @@ class _Topics:
         """What is wrong with a column in which bodies take turns."""
         for place, names in self._bodies.get(topic, {}).items():
             if len(names) > 1 and name.startswith(place):
-                field = name.removeprefix(place).removeprefix(".")
-                listed = ", ".join(f"'{topic}[{n}].{field}'" for n in sorted(names)[:6])
+                each = ", ".join(f"{topic}[{own}]" for own in sorted(names)[:6])
                 return (
                     f"'{topic}.{name}' is that of {len(names)} bodies in turn; "
-                    f"expected one of {listed}{', ...' if len(names) > 6 else ''}."
+                    f"expected a column of one: {each}."
                 )
         return None
 
