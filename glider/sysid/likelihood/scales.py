@@ -85,7 +85,6 @@ FLOOR = Scales(  # The least that a log shows (c).
     wind=0.001,
     trim=0.0001,
     pitch_zero=0.0001,
-    rate=0.0001,
     rest=0.0001,
     memory=0.001,
 )
@@ -100,7 +99,6 @@ CEILING = Scales(  # The most that a flight of a glider has (c).
     wind=0.5,
     trim=0.1,
     pitch_zero=0.03,
-    rate=5.0,
     rest=0.5,
     memory=1.0,
 )

@@ -32,7 +32,6 @@ _CONVENTIONAL = ("air_density", "gravity", "hinge_offset", "elevator_offset")
 # Prior spreads (c). Of the drift between the clocks of poses and servo over a session
 # [s]: clocks differ by 20 parts in a million, and a session lasts some minutes.
 _DRIFT_SPREAD = 5e-3
-_GYRO_BIAS = 0.05  # Of the bias of a gyro [rad/s]: five times its usual noise.
 _WING_SPREAD = 0.03  # Of the distance of a wing from the center of mass [m].
 
 
