@@ -178,7 +178,7 @@ def test_launches_are_mapped(tmp_path, capsys):
 
 @pytest.mark.nightly
 def test_few_throws_tell_the_hidden_effect(tmp_path, capsys):
-    page, ink = show("next_throw", tmp_path, "--launches=4")
+    page, ink = show("next_throw", tmp_path)
     words = capsys.readouterr().out
     known = re.findall(r"command_delay (\d\.\d\d)", words)
     assert float(known[0]) < 0.95 <= float(known[-1])
