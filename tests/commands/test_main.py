@@ -218,7 +218,7 @@ def test_the_commands_of_diagrams_are_registered():
     points = importlib.metadata.distribution("drake-glider").entry_points
     installed = points.select(group="glider.commands")
     assert {p.name: p.value for p in installed} == registered_in_pyproject()
-    assert set(registered_in_pyproject()) == {"fly", "lab"}
+    assert set(registered_in_pyproject()) == {"fly", "lab", "make-funnel"}
 
 
 class Spoilt:
