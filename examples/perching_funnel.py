@@ -68,10 +68,10 @@ class FunnelTrials:
     """Settings of a funnel that is made."""
 
     samples: int = 8000
-    """Number of flights from a boundary, before the climb."""
+    """Number of flights from a boundary."""
 
     every: int = 1
-    """Step between the times at which a certificate is checked."""
+    """Step between the intervals in which a certificate is checked."""
 
     prove: bool = False
     """Whether to prove that no flight leaves, where a remainder is accounted for."""
@@ -435,7 +435,7 @@ def figures_of(study: FunnelStudy) -> dict[str, object]:
         "every_flight": bool(study.verdict.holds and proof and proof.is_whole),
         "solver": funnel.solver,
         "certificate_checked": study.verdict.holds,
-        "checked_times": study.verdict.times,
+        "checked_intervals": study.verdict.intervals,
         "faults": list(study.verdict.faults),
         "made_for": funnels.describe_set(funnel.allowed) if funnel.is_of_set else None,
         "on_set_samples": study.on_set and study.on_set.samples,
@@ -478,8 +478,9 @@ def describe_funnel(name: str, study: FunnelStudy) -> str:
         f"{name}: launch errors of up to {100 * inlet['z']:.1f} cm in height, "
         f"{np.degrees(inlet['pitch']):.1f}° in pitch or {inlet['xdot']:.2f} m/s in "
         f"speed ({funnel.seconds:.0f} s).\n"
-        f"  Its certificate {checked} at {verdict.times} of {verdict.of_times} "
-        f"times; {flown.escapes} of {flown.samples} flights from its boundary leave it."
+        f"  Its certificate {checked} in {verdict.intervals} of {verdict.of_intervals} "
+        f"intervals; {flown.escapes} of {flown.samples} flights from its boundary "
+        "leave it."
     )
     if proof:
         text += f"\n  {funnels.describe_proof(funnel, proof)}"

@@ -76,7 +76,7 @@ def test_the_result_is_reported(output, found):
             "zdot": widths[5],
         }
         assert part["certificate_checked"] is True
-        assert part["checked_times"] == study.verdict.times
+        assert part["checked_intervals"] == study.verdict.intervals
         assert part["faults"] == []
         assert (part["samples"], part["escapes"]) == (study.falsification.samples, 0)
         assert part["largest_end"] == study.falsification.ends.max() <= 1.0
