@@ -71,7 +71,7 @@ def ekf_advance(t, z, estimated, step, count, gaussians, value, slopes):
             value[j] = y[places[j]].real
 
 
-def ekf_measure(z, estimated, gaussians, value, slopes):
+def _ekf_measure(z, estimated, gaussians, value, slopes):
     """Writes what is measured of x̄, with derivatives: the pose, then x[3:].
 
     Args:
@@ -95,34 +95,55 @@ def ekf_measure(z, estimated, gaussians, value, slopes):
         slopes[j, j] = 1.0
 
 
-def ekf_predict(n, covariance, slopes, process, scratch):
-    """P ← F P Fᵀ + Q, in place; `scratch` is (N, N).
+def _add_product(a, b, sign, total):
+    """Adds a b, or subtracts it."""
+    for i in range(a.shape[0]):
+        for k in range(b.shape[0]):
+            factor = sign * a[i, k]
+            for j in range(b.shape[1]):
+                total[i, j] += factor * b[k, j]
+
+
+def _factorize(matrix):
+    """Overwrites a matrix's lower half by its Cholesky factor; NaN if it has none."""
+    for i in range(matrix.shape[0]):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
+
+
+def _solve_factorized(factor, b):
+    """Overwrites b by L⁻ᵀ L⁻¹ b."""
+    size = factor.shape[0]
+    for i in range(size):
+        for k in range(i):
+            b[i] -= factor[i, k] * b[k]
+        b[i] /= factor[i, i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            b[i] -= factor[k, i] * b[k]
+        b[i] /= factor[i, i]
+
+
+def _ekf_predict(n, covariance, slopes, process, half):
+    """P ← F P Fᵀ + Q, in place; `half` is (N, N) scratch.
 
     The slow states' rows of F hold nothing but their own decay.
     """
-    size = covariance.shape[0]
-    for i in range(size):
-        for j in range(size):
-            scratch[i, j] = slopes[i, i] * covariance[i, j] if i >= n else 0.0
-    for i in range(n):
-        for k in range(size):
-            for j in range(size):
-                scratch[i, j] += slopes[i, k] * covariance[k, j]
-    for i in range(size):
-        for j in range(i, size):
-            if j < n:
-                total = 0.0
-                for k in range(size):
-                    total += scratch[i, k] * slopes[j, k]
-            else:
-                total = scratch[i, j] * slopes[j, j]
-            if i == j:
-                total += process[i]
-            covariance[i, j] = total
-            covariance[j, i] = total
+    half[:] = 0.0
+    _add_product(slopes[:n], covariance, 1.0, half)
+    for i in range(n, covariance.shape[0]):
+        for j in range(covariance.shape[1]):
+            half[i, j] = slopes[i, i] * covariance[i, j]
+    covariance[:] = 0.0
+    _add_product(half, slopes.T, 1.0, covariance)
+    for i in range(covariance.shape[0]):
+        covariance[i, i] += process[i]
 
 
-def ekf_correct(mean, covariance, slopes, noise, innovation, spread, work):
+def _ekf_correct(mean, covariance, slopes, noise, innovation, spread, work):
     """Corrects a belief by an innovation; mean and covariance are overwritten.
 
     S = H P Hᵀ + R, K = P Hᵀ S⁻¹ and, in Joseph's form, in which an error of K
@@ -134,75 +155,42 @@ def ekf_correct(mean, covariance, slopes, noise, innovation, spread, work):
         noise: (M, M) R.
         innovation: (M,).
         spread: (M, M), written: S.
-        work: (3, N, N) scratch; N is at least M.
+        work: (4, N, N) scratch; N is at least M.
 
     Returns:
         the innovation's square νᵀ S⁻¹ ν.
     """
-    size = mean.shape[0]
     rows = innovation.shape[0]
-    cross = work[0]
-    gain = work[1]
-    root = work[2]
-    for i in range(size):  # P Hᵀ
-        for j in range(rows):
-            total = 0.0
-            for k in range(size):
-                total += covariance[i, k] * slopes[j, k]
-            cross[i, j] = total
-    for i in range(rows):
-        for j in range(i, rows):
-            total = noise[i, j]
-            for k in range(size):
-                total += slopes[i, k] * cross[k, j]
-            spread[i, j] = total
-            spread[j, i] = total
-    for i in range(rows):  # S = L Lᵀ, with the diagonal's inverse in its place.
-        for j in range(i + 1):
-            total = spread[i, j]
-            for k in range(j):
-                total -= root[i, k] * root[j, k]
-            root[i, j] = 1.0 / np.sqrt(total) if i == j else total * root[j, j]
+    cross = work[0, :, :rows]
+    gain = work[1, :, :rows]
+    factor = work[2, :rows, :rows]
+    weighted = work[3, 0, :rows]
+    cross[:] = 0.0
+    spread[:] = noise
+    _add_product(covariance, slopes.T, 1.0, cross)
+    _add_product(slopes, cross, 1.0, spread)
+    factor[:] = spread
+    gain[:] = cross
+    weighted[:] = innovation
+    _factorize(factor)
+    _solve_factorized(factor, weighted)
     square = 0.0
-    for j in range(rows):  # L⁻¹ ν, into a row that the gain has not filled yet.
-        total = innovation[j]
-        for k in range(j):
-            total -= root[j, k] * gain[0, k]
-        gain[0, j] = total * root[j, j]
-        square += gain[0, j] * gain[0, j]
-    for i in range(size):  # K = P Hᵀ L⁻ᵀ L⁻¹
-        for j in range(rows):
-            total = cross[i, j]
-            for k in range(j):
-                total -= gain[i, k] * root[j, k]
-            gain[i, j] = total * root[j, j]
-        for j in range(rows - 1, -1, -1):
-            total = gain[i, j]
-            for k in range(j + 1, rows):
-                total -= gain[i, k] * root[k, j]
-            gain[i, j] = total * root[j, j]
+    for j in range(rows):
+        square += innovation[j] * weighted[j]
+    for i in range(mean.shape[0]):
+        _solve_factorized(factor, gain[i])
         for j in range(rows):
             mean[i] += gain[i, j] * innovation[j]
-
-    for i in range(size):  # A
-        for k in range(rows):
-            for j in range(size):
-                covariance[i, j] -= gain[i, k] * cross[j, k]
-    for i in range(size):  # A Hᵀ - K R, into the place of P Hᵀ.
-        for j in range(rows):
-            total = 0.0
-            for k in range(size):
-                total += covariance[i, k] * slopes[j, k]
-            for k in range(rows):
-                total -= gain[i, k] * noise[k, j]
-            cross[i, j] = total
-    for i in range(size):
-        for j in range(i, size):
-            total = covariance[i, j]
-            for k in range(rows):
-                total -= cross[i, k] * gain[j, k]
-            covariance[i, j] = total
-            covariance[j, i] = total
+    _add_product(gain, cross.T, -1.0, covariance)
+    cross[:] = 0.0
+    _add_product(covariance, slopes.T, 1.0, cross)
+    _add_product(gain, noise, -1.0, cross)
+    _add_product(cross, gain.T, -1.0, covariance)
+    for i in range(mean.shape[0]):  # Rounding would lose symmetry slowly.
+        for j in range(i):
+            mean_of_both = 0.5 * (covariance[i, j] + covariance[j, i])
+            covariance[i, j] = mean_of_both
+            covariance[j, i] = mean_of_both
     return square
 
 
@@ -232,7 +220,6 @@ def ekf_run(
     step, count = clock
     means, covariances = belief
     innovations, spreads, squares = seen
-    n = estimated.n
     places = estimated.places
     entry = estimated.entry
     size = means.shape[2]
@@ -242,7 +229,7 @@ def ekf_run(
     slopes = np.empty((size, size))
     shows = np.empty((rows, size))
     shown = np.empty(rows)
-    work = np.empty((3, size, size))
+    work = np.empty((4, size, size))
     for b in range(means.shape[0]):
         put(means[b, 0], mean)
         for i in range(size):
@@ -254,16 +241,16 @@ def ekf_run(
                 z[places[i]] = mean[i]
             now = t + k * count * step
             ekf_advance(now, z, estimated, step, count, gaussians, mean, slopes)
-            ekf_predict(n, covariance, slopes, process, work[0])
+            _ekf_predict(estimated.n, covariance, slopes, process, work[0])
             for i in range(size):
                 z[places[i]] = mean[i]
-            ekf_measure(z, estimated, gaussians, shown, shows)
+            _ekf_measure(z, estimated, gaussians, shown, shows)
             known = True
             for i in range(rows):
                 shown[i] = measured[b, k, i] - shown[i]
                 known = known and not np.isnan(shown[i])
             if known:
-                squares[b, k] = ekf_correct(
+                squares[b, k] = _ekf_correct(
                     mean, covariance, shows, noise, shown, spreads[b, k], work
                 )
                 put(shown, innovations[b, k])
@@ -277,7 +264,10 @@ def ekf_run(
 
 
 LOOPS = Family(
-    (ekf_advance, ekf_measure, ekf_predict, ekf_correct, ekf_run),
+    (
+        *(_add_product, _factorize, _solve_factorized, _ekf_predict, _ekf_correct),
+        *(ekf_advance, _ekf_measure, ekf_run),
+    ),
     (ekf_advance, ekf_run),
 )
 

@@ -66,26 +66,24 @@ class FilterArrays(NamedTuple):
 
 
 @inlined_code
-def sum_up(n, m, deviations, summed):
+def _sum_up(n, m, deviations, summed):
     """Writes the sums of deviations (n + 8, m) that move the motion, (n + 5, m).
 
     The motion's own; gust and wind in x; in z; pitch acceleration; elevator's
     departure; trim.
     """
-    for i in range(n):
+    for i in range(n + PROCESSES):
         for j in range(m):
             summed[i, j] = deviations[i, j]
     for j in range(m):
-        summed[n, j] = deviations[n, j] + deviations[n + 4, j]
-        summed[n + 1, j] = deviations[n + 1, j] + deviations[n + 5, j]
-        summed[n + 2, j] = deviations[n + 2, j]
-        summed[n + 3, j] = deviations[n + 3, j]
+        summed[n, j] += deviations[n + 4, j]
+        summed[n + 1, j] += deviations[n + 5, j]
         summed[n + 4, j] = deviations[n + 6, j]
 
 
 @inlined_code
-def set_moves(n, k, step, by_x, by_air, by_trim, moves):
-    """Writes how the motion moves with the sums of `sum_up`, (n, n + 5)."""
+def _set_moves(n, k, step, by_x, by_air, by_trim, moves):
+    """Writes how the motion moves with the sums of `_sum_up`, (n, n + 5)."""
     for i in range(n):
         for j in range(n):
             moves[i, j] = by_x[k, i, j]
@@ -99,7 +97,7 @@ def set_moves(n, k, step, by_x, by_air, by_trim, moves):
 
 
 @inlined_code
-def measuring(n, k, c, pose_by_x, row):
+def _measuring(n, k, c, pose_by_x, row):
     """Writes how channel c of node k shows the deviations, (n + 8,)."""
     row[:] = 0.0
     if c < 3:
@@ -112,7 +110,7 @@ def measuring(n, k, c, pose_by_x, row):
 
 
 @inlined_code
-def filter_columns(
+def _filter_columns(
     n,
     m,
     times,
@@ -165,7 +163,7 @@ def filter_columns(
         for c in range(seen.shape[1]):
             if not seen[k, c]:
                 continue
-            measuring(n, k, c, pose_by_x, row)
+            _measuring(n, k, c, pose_by_x, row)
             own = variance[c]
             gain[:] = 0.0
             for j in range(m):
@@ -204,12 +202,12 @@ def filter_columns(
         step = times[k + 1] - times[k]
         for p in range(PROCESSES):
             keep[p] = np.exp(-rates[p] * step)
-        set_moves(n, k, step, by_x, by_air, by_trim, moves)
+        _set_moves(n, k, step, by_x, by_air, by_trim, moves)
         for i in range(n):
             for r in range(sums):
                 moved_by[r, i] = moves[i, r]
 
-        sum_up(n, m, mean, summed_mean)
+        _sum_up(n, m, mean, summed_mean)
         for i in range(n):
             for j in range(m):
                 mean[i, j] = inputs[k, i, j]
@@ -222,14 +220,14 @@ def filter_columns(
             for j in range(m):
                 mean[n + p, j] *= keep[p]
 
-        sum_up(n, width, covariance, summed)
+        _sum_up(n, width, covariance, summed)
         for i in range(n):
             half[i] = 0.0
             for r in range(sums):
                 part = moves[i, r]
                 for j in range(width):
                     half[i, j] += part * summed[r, j]
-        sum_up(n, n, half.T, twice_summed.T)
+        _sum_up(n, n, half.T, twice_summed.T)
         for i in range(n):
             own_half[:] = 0.0
             for r in range(sums):
@@ -251,7 +249,7 @@ def filter_columns(
 
 @machine_code
 def filter_flight(*flight):
-    """Whitens a flight's errors, see `filter_columns`.
+    """Whitens a flight's errors, see `_filter_columns`.
 
     Loops whose length the compiler knows take two thirds of the time: there are copies
     for a glider without states of effects, and for one column of it, which fits of
@@ -260,15 +258,15 @@ def filter_flight(*flight):
     n = flight[1].shape[1]
     m = flight[4].shape[2]
     if n == MOTION and m == 1:
-        filter_columns(MOTION, 1, *flight)
+        _filter_columns(MOTION, 1, *flight)
     elif n == MOTION:
-        filter_columns(MOTION, m, *flight)
+        _filter_columns(MOTION, m, *flight)
     else:
-        filter_columns(n, m, *flight)
+        _filter_columns(n, m, *flight)
 
 
 @inlined_code
-def move_back(n, m, step, rates, moves, later, summed, earlier):
+def _move_back(n, m, step, rates, moves, later, summed, earlier):
     """Writes F' A for the matrix F of an interval and A (n + 8, m), `later`."""
     for r in range(n + 5):
         for j in range(m):
@@ -293,8 +291,13 @@ def move_back(n, m, step, rates, moves, later, summed, earlier):
         earlier[n + 6, j] += summed[n + 4, j]
 
 
-@machine_code
-def smooth_flight(
+@inlined_code
+def _trace_back(
+    n,
+    by_sensor,
+    by_start,
+    by_power,
+    by_time,
     adjoint,
     times,
     by_x,
@@ -314,67 +317,7 @@ def smooth_flight(
     gains,
     airs,
 ):
-    """Smooths the gusts of a flight of one column that was filtered.
-
-    The adjoint recursion of Bryson and Frazier: with what later rows say of a node's
-    deviations in `adjoint` (n + 8,), written, they are filtered + covariance · adjoint.
-    It leaves the gusts in airs[:, :, -1], and the adjoint of the first node.
-    """
-    n = by_x.shape[1]
-    total = n + OWN_STATES
-    moves = np.zeros((n, n + 5))
-    summed = np.empty((n + 5, 1))
-    row = np.empty(total)
-    now = np.zeros((total, 1))
-    later = np.empty((total, 1))
-    for k in range(times.shape[0] - 1, -1, -1):
-        if k < times.shape[0] - 1:
-            step = times[k + 1] - times[k]
-            set_moves(n, k, step, by_x, by_air, by_trim, moves)
-            later[:] = now
-            move_back(n, 1, step, rates, moves, later, summed, now)
-        for p in range(2):
-            for j in range(total):
-                airs[k, p, total] += airs[k, p, j] * now[j, 0]
-        for c in range(seen.shape[1] - 1, -1, -1):
-            if not seen[k, c]:
-                continue
-            measuring(n, k, c, pose_by_x, row)
-            change = innovations[k, c, 0] * np.sqrt(variances[k, c])
-            for j in range(total):
-                change -= gains[k, c, j] * now[j, 0]
-            for j in range(total):
-                now[j, 0] += row[j] * change / variances[k, c]
-    for j in range(adjoint.shape[0]):
-        adjoint[j] = now[j, 0]
-
-
-@inlined_code
-def trace_back(
-    n,
-    by_sensor,
-    by_start,
-    by_power,
-    by_time,
-    times,
-    by_x,
-    by_air,
-    by_trim,
-    inputs,
-    pose_by_x,
-    outputs,
-    seen,
-    variance,
-    start,
-    mean,
-    rates,
-    powers,
-    innovations,
-    variances,
-    gains,
-    airs,
-):
-    """Writes the slopes of `score_flight` of a flight that was filtered."""
+    """Writes what `smooth_flight` does."""
     total = n + OWN_STATES
     size = total + 1  # The last column is λ.
     moves = np.zeros((n, n + 5))
@@ -390,9 +333,9 @@ def trace_back(
     for k in range(times.shape[0] - 1, -1, -1):
         if k < times.shape[0] - 1:
             step = times[k + 1] - times[k]
-            set_moves(n, k, step, by_x, by_air, by_trim, moves)
+            _set_moves(n, k, step, by_x, by_air, by_trim, moves)
             later[:] = now
-            sum_up(n, 2, airs[k].T, gusts)
+            _sum_up(n, 2, airs[k].T, gusts)
             for p in range(PROCESSES):
                 keep = np.exp(-rates[p] * step)
                 own = 0.5 * (later[n + p, n + p] - later[n + p, total] ** 2)
@@ -416,15 +359,18 @@ def trace_back(
                     mean -= later[n + p, total] * airs[k, p, total]
                     mean -= 2.0 * own * powers[p] * keep
                     by_time[p] += mean * keep * step * rates[p]
-            move_back(n, size, step, rates, moves, later, summed, now)
+            _move_back(n, size, step, rates, moves, later, summed, now)
             for i in range(total):
                 for j in range(total):
                     later[i, j] = now[j, i]
-            move_back(n, total, step, rates, moves, later, summed, now)
+            _move_back(n, total, step, rates, moves, later, summed, now)
+        for p in range(2):
+            for j in range(total):
+                airs[k, p, total] += airs[k, p, j] * now[j, total]
         for c in range(seen.shape[1] - 1, -1, -1):
             if not seen[k, c]:
                 continue
-            measuring(n, k, c, pose_by_x, row)
+            _measuring(n, k, c, pose_by_x, row)
             inverse = 1.0 / variances[k, c]
             change = innovations[k, c, 0] * np.sqrt(variances[k, c])
             spread = inverse
@@ -447,14 +393,17 @@ def trace_back(
                     now[i, total] += part * change
     for i in range(by_start.shape[0]):
         by_start[i] = 0.5 * (now[i, i] - now[i, total] ** 2)
+        adjoint[i] = now[i, total]
 
 
 @machine_code
-def score_flight(by_sensor, by_start, by_power, by_time, *flight):
-    """Writes the slopes of the cost of a flight of one column that was filtered.
+def smooth_flight(by_sensor, by_start, by_power, by_time, adjoint, *flight):
+    """Smooths a flight of one column that was filtered; writes its cost's slopes.
 
-    The cost is ½ Σ (e² + log s) of innovations e over their standard deviations and of
-    their variances s. With λ, the adjoint of `smooth_flight`, and Λ, its covariance,
+    The adjoint recursion of Bryson and Frazier: with λ, what later rows say of a node's
+    deviations, they are filtered + covariance · λ. It leaves the gusts in
+    airs[:, :, -1]. The cost is ½ Σ (e² + log s) of innovations e over their standard
+    deviations and of their variances s. With Λ, the covariance of λ,
         dcost = ½ tr((Λ - λ λ') dP) - λ' dm
     for changes of a covariance P and a mean m (Segal and Weinstein, IEEE Trans. Inf.
     Theory 35, 1989).
@@ -464,13 +413,14 @@ def score_flight(by_sensor, by_start, by_power, by_time, *flight):
         by_start: (n + 8,) by those of the deviations at the first node.
         by_power: (4,) by the steady ones of the processes, but for their start.
         by_time: (2,) by the logarithms of the gusts' correlation times.
+        adjoint: (n + 8,) λ of the first node.
         flight: those of FilterArrays, with gains and airs.
     """
     n = flight[1].shape[1]
     if n == MOTION:
-        trace_back(MOTION, by_sensor, by_start, by_power, by_time, *flight)
+        _trace_back(MOTION, by_sensor, by_start, by_power, by_time, adjoint, *flight)
     else:
-        trace_back(n, by_sensor, by_start, by_power, by_time, *flight)
+        _trace_back(n, by_sensor, by_start, by_power, by_time, adjoint, *flight)
 
 
 def no_flight() -> FilterArrays:

@@ -103,7 +103,7 @@ def log_step(path, k, x, theta, work):
         x[6] = path.pitch[k, 2, 1]
 
 
-def banked(theta, factor):
+def _banked(theta, factor):
     """Returns the numbers with the wing's area times a factor."""
     p = theta.p
     tilted = Parameters(
@@ -120,7 +120,7 @@ def banked(theta, factor):
     return Theta(tilted, theta.c, theta.gaussians)
 
 
-def set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
+def _set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
     """Writes the tangent (v + 1, 18) of theta's free functions at a state.
 
     Functions and variables that do not act are left out; `basis` (M,) is written.
@@ -160,7 +160,7 @@ def log_rollout(path, start, numbers, gaussians, states):
     work = np.empty((6, x.shape[0]))
     put(x, states[0])
     for k in range(path.rate.shape[0]):
-        log_step(path, k, x, banked(theta, path.bank[k]), work)
+        log_step(path, k, x, _banked(theta, path.bank[k]), work)
         put(x, states[k + 1])
 
 
@@ -176,7 +176,7 @@ def log_extras(path, nodes, numbers, gaussians):
         theta = theta_of(numbers[m], gaussians)
         for k in range(path.rate.shape[0]):
             put(nodes[m, k], x)
-            log_step(path, k, x, banked(theta, path.bank[k]), work)
+            log_step(path, k, x, _banked(theta, path.bank[k]), work)
             for i in range(7, n):
                 nodes[m, k + 1, i] = x[i]
 
@@ -195,11 +195,11 @@ def log_ends(path, elevator, rate, nodes, numbers, gaussians, ends):
         path.rate[:] = rate[m]
         for k in range(path.rate.shape[0]):
             put(nodes[m, k], x)
-            log_step(path, k, x, banked(theta, path.bank[k]), work)
+            log_step(path, k, x, _banked(theta, path.bank[k]), work)
             put(x, ends[m, k])
 
 
-def carry(step, rates, power, carried):
+def _carry(step, rates, power, carried):
     """Writes how what moves an interval's rates moves its end, (w, w).
 
     With rates A constant it is Σ stepʲ⁺¹ Aʲ / (j + 1)! to j = 3, as in `log_step`.
@@ -277,7 +277,7 @@ def log_slopes(
     about = linear if gaussians.num_flown > 0 else gaussians
     basis = np.empty(gaussians.num_flown)
     for k in range(path.rate.shape[0]):
-        own = banked(theta, path.bank[k])
+        own = _banked(theta, path.bank[k])
         put(nodes[k], x)
         log_step(path, k, x, own, work)
         put(x, ends[k])
@@ -288,8 +288,8 @@ def log_slopes(
         wind_x = path.wind[k, 0]
         wind_z = path.wind[k, 1]
         if gaussians.num_flown > 0:
-            set_tangent(now, y, rate, wind_x, wind_z, own, acting, basis, tangent)
-        own = banked(theta_of(numbers, about), path.bank[k])
+            _set_tangent(now, y, rate, wind_x, wind_z, own, acting, basis, tangent)
+        own = _banked(theta_of(numbers, about), path.bank[k])
         put(derivatives(now, y, rate, wind_x, wind_z, own), usual)
         for j in range(columns):
             size = DIFFERENCE
@@ -298,9 +298,9 @@ def log_slopes(
             in_theta = j - width - terms.shape[0]
             if in_theta >= 0:
                 size = sizes[in_theta]
-                other = banked(theta_of(moved[in_theta], about), path.bank[k])
+                other = _banked(theta_of(moved[in_theta], about), path.bank[k])
             elif in_term >= 0:
-                other = banked(theta_of(numbers, linear), path.bank[k])
+                other = _banked(theta_of(numbers, linear), path.bank[k])
                 tangent[last, 1 + terms[in_term]] += size
             else:
                 kept = y[j]
@@ -319,7 +319,7 @@ def log_slopes(
         for i in range(width):
             for j in range(width):
                 rates[i, j] = slopes[i, j]
-        carry(step, rates, power, carried)
+        _carry(step, rates, power, carried)
         for i in range(width):
             for j in range(columns):
                 total = 0.0
@@ -375,7 +375,7 @@ def log_flow(times, nodes, elevator, rate, numbers, gaussians, values):
 
 LOOPS = Family(
     (
-        *(banked, set_tangent, carry, log_step),
+        *(_banked, _set_tangent, _carry, log_step),
         *(log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
     ),
     (log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),

@@ -34,5 +34,4 @@ def _warm_up_filter() -> None:
     """Compiles the loops that are the same for all gliders."""
     flight = filter_error.no_flight()
     filter_error.filter_flight(*flight)
-    filter_error.smooth_flight(np.zeros(0), *flight)
-    filter_error.score_flight(*np.zeros((4, 0)), *flight)
+    filter_error.smooth_flight(*np.zeros((5, 0)), *flight)

@@ -1,4 +1,4 @@
-"""What was checked, proven and flown of a funnel, in sentences and as JSON.
+"""What was checked and proven of a funnel, in sentences and as JSON.
 
 The sentences are in `templates/check_funnel.txt`.
 """
@@ -17,12 +17,10 @@ from glider.physics.confidence import describe_level, describe_set
 from glider.physics.model import GliderModel, model_text
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel, gliders_note
-from glider.verification.funnel.growth import SHARES
 from glider.verification.proof.check import Verdict
 from glider.verification.proof.flight_proof import FlightProof
 from glider.verification.proof.latency import ProvenLatency
 from glider.verification.proof.purpose import Purpose, arrival, hook_faults, set_sizes
-from glider.verification.trials import Trial
 
 _HASH_DIGITS = 16
 """Digits of a hash that are printed; JSON has them all."""
@@ -108,27 +106,22 @@ def check_report(checked: Checked) -> dict[str, Any]:
     return report
 
 
-def trial_report(funnel: Funnel, trial: Trial, seed: int) -> dict[str, Any]:
-    """Returns the outcome of flights as it is written to JSON."""
-    gliders = trial.gliders
-    worst = int(np.argmax(trial.later))
+def _loop_report(funnel):
+    """Returns the loop that a theorem is about as it is written to JSON.
+
+    The state is the true one, without an estimator; the period is exact.
+    """
+    settings = funnel.settings
+    level = funnel.allowed.level if funnel.is_of_set else None
     return {
-        "gliders": {
-            "names": list(gliders.names),
-            "level": gliders.level,
-            "half_widths": gliders.reach(np.eye(len(gliders.names))).tolist(),
-            "funnel_was_made_for_them": _made_for(funnel, trial),
-        },
-        "flights": trial.samples,
-        "of_the_ascent": int(trial.climbed.sum()),
-        "escapes": trial.escapes,
-        "end_outside": trial.astray,
-        "largest_level": float(trial.levels.max()),
-        "largest_later_level": float(trial.later.max()),
-        "largest_end_level": float(trial.ends.max()),
-        "worst_deviation": trial.deviations[worst].tolist(),
-        "worst_start_time": float(trial.times[worst]),
-        "seed": seed,
+        "state": "true",
+        "commands": "held" if settings.period else "continuous",
+        "period_s": settings.period,
+        "latency_s": 0.0,
+        "jitter_s": 0.0,
+        "command_error_rad_s": settings.command_error,
+        "wind_m_s": settings.wind,
+        "set_level": level,
     }
 
 
@@ -159,19 +152,6 @@ def describe_proof(funnel: Funnel, proof: FlightProof) -> str:
     return _text("proof", funnel, proof)
 
 
-def describe_trial(funnel: Funnel, trial: Trial, seed: int) -> str:
-    """Returns the outcome of flights in sentences, one a line."""
-    worst = int(np.argmax(trial.later))
-    return _text("flights", funnel, trial, seed, _made_for(funnel, trial), worst)
-
-
-def _made_for(funnel, trial):
-    """Determines whether all gliders flown are in the funnel's set; None without."""
-    if not funnel.is_of_set:
-        return None
-    return bool(np.all(funnel.allowed.holds(trial.deviations)))
-
-
 def _model_hash(model: GliderModel) -> str:
     """Returns the hash of a glider's file, in hexadecimal: the same for equal ones."""
     return hashlib.sha256(model_text(model).encode()).hexdigest()
@@ -194,7 +174,6 @@ def _template():
     )
     environment.globals |= {
         "digits": _HASH_DIGITS,
-        "shares": len(SHARES),
         "describe_set": describe_set,
         "describe_level": describe_level,
         "model_hash": lambda funnel: _model_hash(funnel.nominal.model),

@@ -2,13 +2,12 @@
 
 Full means: the physics, not its Taylor polynomial, and the servo with its limits.
 Flights start from random points of the boundary and with random gliders on the edge of
-a confidence set, if one is given; from the worst of them, start and glider climb. For a
-funnel of a set, V of each glider is about its own center. Flights that escape are
-counted, never dropped. The feedback acts at all times, as in the theorem.
+a confidence set, if one is given. For a funnel of a set, V of each glider is about its
+own center. Flights that escape are counted, never dropped. The feedback acts at all
+times, as in the theorem.
 """
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,7 +15,6 @@ import numpy as np
 from glider.errors import InputError
 from glider.physics.confidence import ALONE, ConfidenceSet, numbers_at, physical
 from glider.physics.model import GliderModel
-from glider.progress import Shares, silent
 from glider.simulation.fly import check_states, full_starts
 from glider.verification.dynamics.nominal import fly_plan
 from glider.verification.funnel.funnel import Funnel, funnel_policy
@@ -30,28 +28,14 @@ integration take others to 1 + 1e-6."""
 _START_SHARES = (0.0, 0.12, 0.25, 0.37, 0.5, 0.62, 0.75, 0.87)
 """Times when flights start, as shares of the funnel's duration."""
 
-_CLIMB_ROUNDS = 6
-"""Rounds of ascent along the boundary, each with a fifth as many flights."""
-
-_CLIMB_WIDTH = 0.3
-"""Length by which the first round strays from the worst points, on the unit sphere."""
-
-_CLIMB_NARROWING = 0.6
-"""Factor on this length from a round to the next."""
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Trial:
     """The outcome of flights from a funnel's boundary."""
 
-    gliders: ConfidenceSet  #: Set on whose edge the gliders are, one or many.
-    times: np.ndarray  #: Times (B,) when they started [s].
-    states: np.ndarray  #: States (B, n) where they started.
     deviations: np.ndarray  #: δ (B, m) of the gliders; m is 0 where all flew the same.
     levels: np.ndarray  #: Largest V (B,) of each; 1 is the boundary, where it starts.
-    later: np.ndarray  #: Largest V (B,) after the start.
     ends: np.ndarray  #: V (B,) at the end, in the last set if at most 1.
-    climbed: np.ndarray  #: Whether it is of the ascent, (B,).
 
     @property
     def samples(self) -> int:
@@ -63,11 +47,6 @@ class Trial:
         """Number of flights that left the funnel."""
         return int((~(self.levels <= ESCAPE_LEVEL)).sum())  # NaN is an escape.
 
-    @property
-    def astray(self) -> int:
-        """Number of flights that end outside the last set."""
-        return int((~(self.ends <= ESCAPE_LEVEL)).sum())
-
 
 def falsify_funnel(
     funnel: Funnel,
@@ -77,113 +56,45 @@ def falsify_funnel(
     *,
     model: GliderModel | None = None,
     shares: Sequence[float] = _START_SHARES,
-    climb: bool = True,
-    progress: Shares = silent,
 ) -> Trial:
-    """Flies from random points of the boundary, then climbs from the worst of them.
+    """Flies from random points of the boundary.
 
     Args:
-        samples: flights from random points, divided among start times; at least one at
-            each. The climb adds as many and a fifth more.
+        samples: flights, divided among start times; at least one at each.
         gliders: set on whose edge the gliders are that fly; None for the funnel's own.
         model: another glider that flies alone; states that the funnel lacks start at
             rest.
         shares: of the duration: when flights start.
-        climb: whether to look for worse flights near the worst.
-        progress: called with the share that is done.
 
     Raises:
         InputError: the funnel is for held commands, or of gliders that deviate in other
             numbers.
     """
-    _check_gliders(funnel, gliders)
+    made_for = funnel.allowed.names
+    if gliders and made_for not in ((), gliders.names):
+        raise InputError(
+            f"The funnel is of gliders that deviate in {', '.join(made_for)}; those to "
+            f"fly deviate in {', '.join(gliders.names) or 'nothing'}."
+        )
+    allowed = gliders or ALONE
     last = len(funnel.nominal.times) - 1
-    rounds = _CLIMB_ROUNDS if climb else 0
-    parts = []
+    deviations = []
+    levels = []
     for number, share in enumerate(shares):
         k = min(round(share * last), last - 1)
         more = number < samples % len(shares)
         count = max(1, samples // len(shares) + more)
-        genes = _draw_genes(funnel, gliders, count, rng)
-        found = _fly(funnel, gliders, model, k, genes)
-        parts.append(found)
-        for turn in range(rounds):
-            done = number + (turn + 1) / (rounds + 1)
-            progress(done / len(shares))
-            genes = _stray(funnel, _worst(found, count), turn, rng)
-            found = _fly(funnel, gliders, model, k, genes, climbed=True)
-            parts.append(found)
-        progress((number + 1) / len(shares))
-    columns = {}
-    for field in dataclasses.fields(Trial):
-        if field.name != "gliders":
-            each = [part[field.name] for part in parts]
-            columns[field.name] = np.concatenate(each)
-    return Trial(gliders=gliders or ALONE, **columns)
-
-
-def _check_gliders(funnel, allowed):
-    """Raises InputError where a funnel is of gliders that deviate in other numbers."""
-    made_for = funnel.allowed.names
-    if allowed and made_for not in ((), allowed.names):
-        raise InputError(
-            f"The funnel is of gliders that deviate in {', '.join(made_for)}; those to "
-            f"fly deviate in {', '.join(allowed.names) or 'nothing'}."
-        )
-
-
-# Genes of a flight: the directions of its start (n) and of its glider (r).
-
-
-def _draw_genes(funnel, gliders, count, rng):
-    """Returns random genes (count, n + r)."""
-    allowed = gliders or ALONE
-    start = normalized(rng.normal(size=(count, funnel.num_states)))
-    glider = normalized(rng.normal(size=(count, allowed.dimension)))
-    return np.hstack([start, glider])
-
-
-def _worst(found, samples):
-    """Returns the genes of the worst flights, a twenty-fifth of the random ones."""
-    levels = found["levels"]
-    # A flight starts at 1: what counts is how close it comes again, or goes beyond.
-    values = np.where(levels > ESCAPE_LEVEL, levels, found["later"])
-    kept = max(1, samples // 25)
-    worst = np.argsort(-values)[:kept]
-    return found["genes"][worst]
-
-
-def _stray(funnel, worst, turn, rng):
-    """Returns genes near each of the worst, five of each, closer from turn to turn."""
-    n = funnel.num_states
-    near = np.repeat(worst, 5, axis=0)
-    width = _CLIMB_WIDTH * _CLIMB_NARROWING**turn
-    noise = width * rng.normal(size=near.shape)
-    noise[:, :n] /= math.sqrt(n)
-    moved = near + noise
-    return np.hstack([normalized(moved[:, :n]), normalized(moved[:, n:])])
-
-
-def _fly(funnel, gliders, model, k, genes, climbed=False):
-    """Returns what came of the genes' flights from one of the funnel's times."""
-    n = funnel.num_states
-    allowed = gliders or ALONE
-    at_edge = allowed.on_boundary(genes[:, n:])
-    deviations = physical(funnel.nominal.model, allowed.names, at_edge)
-    own = deviations if gliders else None
-    states = _boundary_states(funnel, k, genes[:, :n], own)
-    V, _ = _fly_from(funnel, k, states, model, allowed.names, own)
-    V = np.where(np.isfinite(V), V, np.inf)  # What diverges is the worst.
-    return {
-        "genes": genes,
-        "climbed": np.full(len(genes), climbed),
-        "times": np.full(len(genes), funnel.nominal.times[k]),
-        "states": states,
-        "deviations": deviations,
-        "levels": V.max(axis=1),
-        "later": V[:, 1:].max(axis=1),
-        "ends": V[:, -1],
-    }
+        directions = normalized(rng.normal(size=(count, funnel.num_states)))
+        at_edge = allowed.on_boundary(rng.normal(size=(count, allowed.dimension)))
+        deviation = physical(funnel.nominal.model, allowed.names, at_edge)
+        own = deviation if gliders else None
+        states = _boundary_states(funnel, k, directions, own)
+        V, _ = _fly_from(funnel, k, states, model, allowed.names, own)
+        V = np.where(np.isfinite(V), V, np.inf)  # What diverges is the worst.
+        deviations.append(deviation)
+        levels.append([V.max(axis=1), V[:, -1]])
+    largest, ends = np.concatenate(levels, axis=1)
+    return Trial(deviations=np.concatenate(deviations), levels=largest, ends=ends)
 
 
 def _boundary_states(

@@ -55,7 +55,7 @@ def checked_once(monkeypatch, seen):
 
         monkeypatch.setattr(check, name, call)
 
-    for name in ("exact_faults", "remainder_seen", "_largest_between"):
+    for name in ("_certificate_faults", "remainder_seen"):
         once(name)
     make = funnel_file.make_moving_center
 

@@ -186,7 +186,7 @@ def _scaled(arrays, notes):
 
 
 REVIEWED = {
-    "a set 3 % wider": (_scaled, "The Gram matrix does not prove that V falls"),
+    "a set 3 % wider": (_scaled, "The servo would meet its limits"),
     "half of the remainder": (_times("beta", 0.5), "The remainder is 1."),
     "a remainder 14 % smaller": (_times("beta", 0.86), "The remainder is 1.0"),
     "a goal ten times as large": (_widened_goal, "from the wire; the hook reaches"),
@@ -194,19 +194,13 @@ REVIEWED = {
     "a flight cut in the middle": (_cut, "from the wire; the hook reaches"),
     "a nominal that drifts": (_drifting, "The nominal is not a flight"),
     "a heavier glider": (_model("mass: 0.08", "mass: 0.0801"), "another glider"),
-    "gains 2 % higher": (
-        _times("gains", 1.02),
-        "The Gram matrix does not prove that V falls",
-    ),
+    "gains of the other sign": (_times("gains", -1.0), "V was not proven to fall"),
     "a slower clock": (_times("times", 1.003), "The nominal is not a flight"),
     "a servo of any rate": (
         _model("elevator_rate_limit: 13.0", "elevator_rate_limit: 1300.0"),
         "'parameters.elevator_rate_limit' of its model is 1300",
     ),
-    "heavier weights": (
-        _heavier_weights,
-        "The Gram matrix does not prove that V falls",
-    ),
+    "heavier weights": (_heavier_weights, "V was not proven to fall"),
     "skew slopes": (_skew, "'slopes' is not symmetric"),
     "complex bounds": (_complex, "'beta' is of type complex128"),
     "bounds that wrap": (_wrapping, "'beta' is of type uint8"),
@@ -216,7 +210,7 @@ REVIEWED = {
         _model("mass: 0.08", "mass: .nan"),
         "its glider: field 'mass' is nan",
     ),
-    "no Gram matrices": (_no_grams, "The Gram matrix does not prove that V falls"),
+    "no Gram matrices": (_no_grams, "V was not proven to fall"),
 }
 """Forged files of a review: the change and words of the sentence that refuses it."""
 
@@ -319,12 +313,12 @@ def _flat(arrays, notes):
 
 
 def _wild_slope(arrays, notes):
-    """At one time that --every leaves out: no ellipsoid about it."""
+    """At one time: before it the sets are ellipsoids, after it they are not."""
     arrays["slopes"][1] = -1e7 * np.eye(7)
 
 
 def _sawtooth(arrays, notes):
-    """V falls faster at each time, exactly, and rises between them."""
+    """V falls faster at each time, and rises between them."""
     arrays["slopes"] -= 8.0 * arrays["S"]
 
 
@@ -401,7 +395,7 @@ INVENTED = {
     "a bound below zero": (_focus(_more_than_all), "The remainder is "),
     "a bound that varies with the place": (
         _focus(_of_the_place, 0.6),
-        "The Gram matrix does not prove that V falls",
+        "The remainder is ",
     ),
     "a skew focus": (_focus(lambda S: S + np.triu(S, 1)), "'focus' is not symmetric"),
     "no focus": (_without_focus, "'focus.npy'"),
@@ -417,13 +411,13 @@ INVENTED = {
     "a goal of any pitch": (_turned_goal, "The goal has pitches from"),
     "a goal in words": (_worded_goal, "field 'settings.goal[0]' is '0.05"),
     "swapped names": (_swapped_names, "its states are z, x"),
-    "a remainder of 1e200": (_huge, "The Gram matrix does not prove that V falls"),
-    "a set that is flat": (_flat, "The Gram matrix does not prove that V falls"),
-    "wild slopes between": (_wild_slope, "Between the times"),
-    "slopes as of a saw": (_sawtooth, "Between the times"),
+    "a remainder of 1e200": (_huge, "Its numbers are too large"),
+    "a set that is flat": (_flat, "The servo would meet its limits"),
+    "wild slopes between": (_wild_slope, "V was not proven to fall"),
+    "slopes as of a saw": (_sawtooth, "V was not proven to fall"),
     "a servo of wider travel": (
         _model("[-0.4463, 0.9473]", "[-1.5, 1.5]"),
-        "'parameters.elevator_limits.0' of its model is -1.5",
+        "'parameters.elevator_limits' of its model is [-1.5, 1.5]",
     ),
     "a wind that was not asked for": (
         _model(

@@ -1,6 +1,7 @@
 """A check tells a certificate from what only looks like one."""
 
 import dataclasses
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -9,18 +10,15 @@ from glider.physics.effects.geometry import WIND
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
 from glider.verification.dynamics.nominal import evaluate
-from glider.verification.funnel.growth import _remainder_form
 from glider.verification.funnel.servo_limits import servo_bounds
-from glider.verification.proof.check import _largest_between, check_funnel
-from glider.verification.proof.exact_check import _check_time, exact_faults
-from glider.verification.proof.interval import at_time
-from glider.verification.proof.interval_growth import BALL_BITS, _growth_forms
+from glider.verification.proof import interval_proof
+from glider.verification.proof.check import _within_goal, check_funnel
+from glider.verification.proof.interval import make_interval
+from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.proof.purpose import _model_faults
-from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import (
     higher_forms,
     linear_part,
-    product_form,
     quadratic_form,
     to_ball,
 )
@@ -28,9 +26,7 @@ from glider.verification.sos.sphere import sphere
 from tests.verification.points import sphere_points, sphere_values
 
 EVERY = 50
-"""Number of times from one that tests check exactly to the next."""
-
-NO_DEFECT = np.zeros(201)
+"""Number of intervals from one that tests check to the next."""
 
 
 def test_the_forms_are_the_growth_of_v_on_the_boundary(funnel, coefficients):
@@ -50,44 +46,20 @@ def test_the_forms_are_the_growth_of_v_on_the_boundary(funnel, coefficients):
     assert np.linalg.eigvals(linear_part(coefficients[k])).real.max() < 50.0
 
 
-def test_the_exact_polynomial_is_the_growth_with_the_disturbance(funnel, coefficients):
-    k, slack = 150, 0.25
-    S, slope = funnel.S[k], funnel.slopes[k]
-    rng = np.random.default_rng(0)
-    beta, weights = rng.uniform(0.1, 1.0, (2, *funnel.beta.shape))
-    factor = rng.normal(size=(7, 2)) / funnel.half_widths()[:, None]
-    focus = np.broadcast_to(factor @ factor.T, funnel.S.shape)
-    L_inv_T = to_ball(S)[1]
-    changed = dataclasses.replace(funnel, beta=beta, weights=weights, focus=focus)
-    here = at_time(changed, k)
-    forms = _growth_forms(here, rounded(L_inv_T, BALL_BITS), exact(slack))
-    *found, metric = (form.parts[0].to_float() for form in forms)
-    assert metric == pytest.approx(np.eye(7), abs=1e-5)
-    quadratic = L_inv_T.T @ quadratic_form(S, slope, coefficients[k]) @ L_inv_T
-    disturbance = _remainder_form(S[None], beta[[k]], weights[[k]])[0]
-    quadratic += disturbance + slack * np.eye(7)
-    cubic, quartic = higher_forms(S, coefficients[k])
-    quartic += product_form(disturbance, L_inv_T.T @ focus[k] @ L_inv_T)
-    expected = sphere(7).coefficients(quadratic, cubic, quartic)
-    polynomial = sphere(7).coefficients(*found)
-    assert polynomial == pytest.approx(-expected, rel=1e-5, abs=1e-3)
-
-
 def test_the_shipped_certificate_holds(funnel):
     verdict = check_funnel(funnel, every=EVERY)
     assert verdict.holds, verdict.faults
-    assert verdict.times >= 4
-    assert verdict.between < 0.0
+    assert (verdict.intervals, verdict.of_intervals) == (5, 200)
 
 
 def test_the_servos_limits_are_the_same_without_rounding(funnel):
     directions, bounds = servo_bounds(
         funnel.nominal, funnel.settings, funnel.gliders, shrink=1.0
     )
-    for k in (0, 77, 200):
-        limits = at_time(funnel, k).limits
+    for k in (0, 77, 199):
+        limits = make_interval(funnel.between(k, k + 1)).limits
         a, b = (
-            [part.parts[0].to_float() for part in of]
+            [part.at(Fraction(0)).to_float() for part in of]
             for of in zip(*limits, strict=True)
         )
         rate, travel = directions[k]
@@ -106,30 +78,27 @@ def weaker(funnel):
 
 
 CORRUPTIONS = {
-    "a wider set": (lambda f: {"S": 0.9 * f.S}, "does not prove that V falls"),
-    "a narrower set": (
-        lambda f: {"slopes": 1.2 * f.slopes},
-        "does not prove that V falls",
-    ),
+    "a wider set": (lambda f: {"S": 0.9 * f.S}, "servo"),
+    "a narrower set": (lambda f: {"slopes": 1.2 * f.slopes}, "not proven to fall"),
     "random Gram matrices": (
         lambda f: {"grams": f.grams[:, ::-1].copy()},
-        "does not prove that V falls",
+        "not proven to fall",
     ),
     "a larger disturbance": (
         lambda f: {"beta": f.beta + 0.5, "weights": f.weights + 0.5},
-        "does not prove that V falls",
+        "not proven to fall",
     ),
     "weights that divide by zero": (
         lambda f: {"beta": f.beta + 0.5},
-        "does not prove that V falls",
+        "a weight of the remainder is zero",
+    ),
+    "negative bounds": (
+        lambda f: {"beta": f.beta - 0.5, "weights": f.weights + 0.5},
+        "a weight of the remainder is zero",
     ),
     "not an ellipsoid": (lambda f: {"S": -f.S}, "not an ellipsoid"),
-    "a larger goal set": (lambda f: {"S": f.S / 1.01}, "goal"),
     "a servo of less travel": (lambda f: {"nominal": weaker(f)}, "servo"),
-    "another glider": (
-        lambda f: {"nominal": lighter(f)},
-        "does not prove that V falls",
-    ),
+    "another glider": (lambda f: {"nominal": lighter(f)}, "not proven to fall"),
 }
 
 
@@ -137,21 +106,18 @@ CORRUPTIONS = {
 def test_a_corrupted_funnel_fails_the_check(name, funnel):
     change, words = CORRUPTIONS[name]
     changed = dataclasses.replace(funnel, **change(funnel))
-    faults = exact_faults(changed, [100], NO_DEFECT)
-    assert words in " ".join(faults)
+    assert words in prove_interval(changed.between(100, 101), remainder=False).fault
 
 
-def test_a_check_is_of_the_nominal_and_between_the_times_too(funnel):
+def test_a_larger_goal_set_fails_the_check(funnel):
+    wider = dataclasses.replace(funnel, S=funnel.S / 1.01)
+    assert not _within_goal(wider)
+    assert _within_goal(funnel)
+
+
+def test_a_check_is_of_the_nominal(funnel):
     changed = dataclasses.replace(funnel, nominal=lighter(funnel))
     assert "not a flight" in " ".join(check_funnel(changed, every=1000).faults)
-    wider = dataclasses.replace(funnel, S=0.8 * funnel.S)
-    rng = np.random.default_rng(0)
-    assert _largest_between(wider, NO_DEFECT, rng, 20) > 0.0
-    assert _largest_between(funnel, NO_DEFECT, rng, 20) < 0.0
-    assert _largest_between(funnel, NO_DEFECT + 2.0, rng, 20) > 0.0
-    unknown = NO_DEFECT.copy()
-    unknown[100] = np.nan  # Not the first that is looked at.
-    assert np.isnan(_largest_between(funnel, unknown, rng, 20))
 
 
 def test_a_funnel_of_another_glider_names_what_differs(funnel):
@@ -172,20 +138,30 @@ def test_a_funnel_of_another_glider_names_what_differs(funnel):
         assert all(word in message for word in words) and bool(message) == bool(words)
 
 
-def test_the_nominals_defect_is_counted_exactly(funnel):
-    assert exact_faults(funnel, [100], NO_DEFECT) == []
-    assert exact_faults(funnel, [100], NO_DEFECT + 0.001) == []
-    [fault] = exact_faults(funnel, [100], NO_DEFECT + 1.0)
-    assert "does not prove that V falls" in fault
-    two = exact_faults(funnel, [50, 100], NO_DEFECT + np.inf)
-    times = funnel.nominal.times[[50, 100]]
-    words = f"at 2 times, from {times[0]:.4f} to {times[1]:.4f} s."
-    assert two == [f"The Gram matrix does not prove that V falls {words}"]
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [(0.0, ""), (1e-3, "V was not proven to fall"), (np.inf, "defect is not bounded")],
+)
+def test_the_nominals_defect_is_counted(funnel, size, words, monkeypatch):
+    bounds = np.full((1, 7), size)
+    monkeypatch.setattr(interval_proof, "defect_bounds", lambda nominal: bounds)
+    found = prove_interval(funnel.between(100, 101), remainder=False)
+    assert found.fault.startswith(words) if size < np.inf else words in found.fault
+    assert found.proven == (size == 0.0)
 
 
-def test_one_wrong_number_in_one_gram_matrix_fails_its_time(funnel):
-    assert _check_time(funnel, 7, 0.003) == []
-    grams = funnel.grams.copy()
-    grams[7, 0] -= 200.0
-    wrong = dataclasses.replace(funnel, grams=grams)
-    assert _check_time(wrong, 7, 0.003) != []
+def test_the_first_interval_that_fails_is_named(funnel):
+    S = funnel.S.copy()
+    S[101:150] *= -1.0
+    changed = dataclasses.replace(funnel, S=S)
+    faults = check_funnel(changed, every=50, workers=1).faults
+    times = funnel.nominal.times
+    words = f"from {times[100]:.4f} to {times[101]:.4f} s."
+    assert f"A set is not an ellipsoid {words}" in faults
+
+
+def test_many_intervals_are_checked_as_one_is(funnel):
+    """In several processes."""
+    verdict = check_funnel(funnel, every=25)
+    assert verdict.holds
+    assert verdict.intervals == 9

@@ -12,7 +12,7 @@ import pytest
 from glider.paths import models_path
 from glider.report.check_funnel import describe_proof
 from glider.verification.funnel.funnel import load_funnel
-from glider.verification.proof import flight_proof
+from glider.verification.proof import flight_proof, interval_proof
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import FlightProof, prove_flights
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
@@ -29,9 +29,9 @@ def fake(monkeypatch):
     """Intervals that are proven at once, but for those that start at these times."""
     bad: list[float] = []
 
-    def prove(piece, budget):
+    def prove(piece, **given):
         fault = "a test says so" if piece.nominal.times[0] in bad else ""
-        return IntervalProof(fault=fault, boxes=10, parts=1, ratio=0.5)
+        return IntervalProof(fault=fault, boxes=10, ratio=0.5)
 
     monkeypatch.setattr(flight_proof, "prove_interval", prove)
     return bad
@@ -46,6 +46,15 @@ def test_every_interval_of_a_part_is_proven(short):
     assert proof.until == short.nominal.times[-1]
     assert 300 < proof.boxes < 10_000
     assert "every flight" in describe_proof(short, proof)
+
+
+@pytest.mark.parametrize("is_checked", [False, True])
+def test_a_proof_proves_the_certificate_unless_it_was(short, is_checked, monkeypatch):
+    monkeypatch.setattr(interval_proof, "_certificate_fault", lambda piece: "no")
+    piece = short.between(0, 1)
+    proof = prove_flights(piece, workers=1, is_checked=is_checked)
+    assert proof.is_whole == is_checked
+    assert proof.fault == ("" if is_checked else "no")
 
 
 def test_every_flight_is_only_said_of_every_interval(proven, fake):
@@ -86,7 +95,8 @@ def with_stop(funnel, stop):
 def test_what_is_wrong_between_the_times_only_is_refused(proven):
     """A forged stop that no set meets at any of the times, and one does between."""
     forged = with_stop(proven, 0.94498)
-    assert check_funnel(forged, every=49).holds  # At 196, too.
+    [fault] = check_funnel(forged, every=49).faults  # At 196, too.
+    assert "The servo would meet its limits from" in fault
     outcome = prove_interval(forged.between(196, 197))
     assert outcome.fault == "the servo would meet its limits"
     assert prove_interval(forged.between(60, 61)).proven
@@ -132,7 +142,7 @@ def test_a_bound_that_r_passes_on_the_boundary_is_named():
 
 
 def test_a_proof_counts_what_it_has(proven):
-    good = IntervalProof(boxes=3, parts=1, ratio=0.5)
+    good = IntervalProof(boxes=3, ratio=0.5)
     proof = FlightProof(times=proven.nominal.times, outcomes={0: good, 1: good})
     assert (proof.boxes, proof.count) == (6, 2)
     assert proof.until == proven.nominal.times[2]

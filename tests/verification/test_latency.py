@@ -310,7 +310,7 @@ def test_a_latency_is_proven_of_what_is_proven_as_a_whole(
         return ProvenLatency(latency=0.01, error_left=left, least=least)
 
     def prove_intervals(funnel, every, **options):
-        whole = IntervalProof(boxes=1, parts=1, ratio=0.5)
+        whole = IntervalProof(boxes=1, ratio=0.5)
         outcomes = dict.fromkeys(funnel.nominal.flows.tolist()[::every], whole)
         return flight_proof.FlightProof(times=funnel.nominal.times, outcomes=outcomes)
 

@@ -12,7 +12,6 @@ from glider.compiled.filter_error import (
     PROCESSES,
     FilterArrays,
     filter_flight,
-    score_flight,
     smooth_flight,
 )
 from glider.compiled.parallel import in_parallel
@@ -129,11 +128,23 @@ class _Smoothed(NamedTuple):
 
 def smooth(flight: LinearFlight, scales: Scales) -> _Smoothed:
     """Smooths a flight of one column, its error."""
-    arrays = _filter(flight, scales, smoothed=len(flight.record.time))
-    adjoint = np.zeros(len(flight.start))
-    smooth_flight(adjoint, *arrays)
+    arrays, *_, adjoint = _traced_back(flight, scales)
     gusts = arrays.airs[:, :, -1]
     return _Smoothed(arrays.start * adjoint, 0.5 * (gusts[1:] + gusts[:-1]))
+
+
+def _traced_back(flight, scales):
+    """Returns a smoothed flight and what `smooth_flight` writes of it, in its order."""
+    arrays = _filter(flight, scales, smoothed=len(flight.record.time))
+    found = (
+        np.empty_like(arrays.variance),
+        np.empty_like(arrays.start),
+        np.empty(PROCESSES),
+        np.empty(2),
+        np.empty_like(arrays.start),
+    )
+    smooth_flight(*found, *arrays)
+    return arrays, *found
 
 
 def excludes(scales: Scales, about: Surroundings) -> bool:
@@ -186,14 +197,10 @@ def negative_log_likelihood(
 def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
     """Returns the cost of a flight of one column [nats], and its slopes by `logs`."""
     n = flight.by_x.shape[1]
-    by_power = np.empty(PROCESSES)
-    by_time = np.empty(2)
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        arrays = _filter(flight, scales, smoothed=len(flight.record.time))
+        arrays, *slopes, _ = _traced_back(flight, scales)
+        by_sensor, by_start, by_power, by_time = slopes
         start = arrays.start
-        by_sensor = np.empty_like(arrays.variance)
-        by_start = np.empty_like(start)
-        score_flight(by_sensor, by_start, by_power, by_time, *arrays)
         sensors = 2.0 * arrays.variance * by_sensor
         by_start[n : n + PROCESSES] += by_power
         by_start *= 2.0 * start

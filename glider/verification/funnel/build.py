@@ -248,7 +248,7 @@ class _Gauge:
             return growth
         k = self._nominal.flows
         for share, here in self._between.items():
-            found = growth_between(sets, share, starts, here=here) + drift[k]
+            found = growth_between(sets, share, starts, here) + drift[k]
             for ends in (k + 1, k):
                 growth[ends] = np.maximum(growth[ends], found)
         return growth

@@ -169,24 +169,19 @@ def largest_growth(forms: BoundaryForms, starts: np.ndarray) -> np.ndarray:
 
 
 def growth_between(
-    sets: BoundarySets,
-    share: float,
-    starts: np.ndarray,
-    every: int = 1,
-    here: Nominal | None = None,
+    sets: BoundarySets, share: float, starts: np.ndarray, here: Nominal
 ) -> np.ndarray:
     """Returns the largest V̇/V found by ascent at one point of each flow [1/s].
 
     Args:
         share: of an interval, where the point is; from 0 to 1.
-        every: examine every so many intervals only.
-        here: the nominal flight there, where it is expanded already.
+        starts: of the ascent.
+        here: the nominal flight there.
     """
 
     def mixed(values):
-        return sets.nominal.mixed(values, share)[::every]
+        return sets.nominal.mixed(values, share)
 
-    here = here or sets.nominal.between(share).part(slice(None, None, every))
     own = {name: mixed(getattr(sets, name)) for name in BOUNDS}
     own |= {"S": sets.curve(here.times), "slopes": sets.curve(here.times, 1)}
     between = BoundarySets(nominal=here, settings=sets.settings, **own)

@@ -2,17 +2,16 @@
 
 docs/certificate.md has the theorem, its proof and what is assumed.
 
-check: the verdict about a certificate, at its times. purpose: whether it is of the
-intended problem and glider. exact_check: the part in exact arithmetic. flight_proof:
-that no flight leaves, interval by interval. interval_proof: one of them. interval: its
-polynomials in time, its servo, a ball that holds its sets, and the centers of a set of
-gliders. interval_growth: that V falls. enclosure, boxes: that the Taylor remainder is
-within the bounds that the certificate assumes. held: what held commands are off by.
-latency, slopes: what predicted ones are.
+check: the verdict about a certificate. purpose: whether it is of the intended problem
+and glider. flight_proof: that no flight leaves, interval by interval. interval_proof:
+one of them. interval: its polynomials in time, its servo, a ball that holds its sets,
+and the centers of a set of gliders. interval_growth: that V falls. enclosure, boxes:
+that the Taylor remainder is within the bounds that the certificate assumes. held: what
+held commands are off by. latency, slopes: what predicted ones are.
 
 The theorem follows where a funnel passes `check_funnel` with a problem and
-`prove_flights` is whole. After `check_funnel` alone, or with every > 1, nothing follows
-for a whole flight.
+`prove_flights` is whole. After `check_funnel` alone R is only sampled, and with every
+> 1 nothing follows for a whole flight.
 
 Exact: that sets are ellipsoids, that the servo follows its command, that balls hold the
 sets, and that V falls; at the end, E(T) in the goal to 1e-9.

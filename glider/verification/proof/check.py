@@ -2,54 +2,62 @@
 
 `purpose`: the funnel is one of the intended problem and glider. `dynamics.defect`: its
 nominal is a flight, or nearly. `held`: what commands that are held are off by.
-`exact_check`: V falls on the boundary at each time, in exact arithmetic. Then, in
-floating point: ascent from new random points finds no remainder larger than β_k, and
-none where V rises between the times; `flight_proof` proves both, in continuous time.
+`interval_proof`: V falls on the boundary at all times, for the third-order dynamics and
+any remainder within its bound. Then, in floating point, ascent from new random points
+finds no larger remainder; `flight_proof` proves that there is none.
 """
 
 import dataclasses
+import functools
 import secrets
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from glider.errors import InputError
 from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import SHARES, growth_between
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
     SAMPLES,
     sample_remainder,
 )
-from glider.verification.proof.exact_check import exact_faults, proven_slack
+from glider.verification.funnel.servo_limits import goal_about
 from glider.verification.proof.held import held_faults
+from glider.verification.proof.interval_proof import (
+    each_interval,
+    prove_interval,
+    proven_slack,
+    some_intervals,
+)
 from glider.verification.proof.purpose import Purpose, unmet
+from glider.verification.sos.exact import exact, is_positive_definite
 from glider.verification.sos.sphere import normalized
 
 _ANY = Purpose()
 """Any purpose."""
 
-_STARTS = 8
-"""Starting points of the ascent, besides those of `largest_growth`."""
+_GOAL_ROUNDING = 1e-9
+"""Share by which S(T) may be below the goal's: where they are equal, as in the shipped
+funnels, their difference is not definite."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Verdict:
     """The outcome of a funnel's check; its fields are keys of `check-funnel --json`."""
 
-    times: int  #: Number of times that were checked exactly.
-    of_times: int  #: Number of times that the funnel has.
+    intervals: int  #: Number of intervals that were checked exactly.
+    of_intervals: int  #: Number of intervals that the funnel has.
     #: Faults of the certificate, a sentence each; empty where it holds. Where the
     #: funnel is not the intended one, or not a flight, nothing else is checked.
     faults: tuple[str, ...]
-    slack: float  #: Slack of V̇ <= -slack V, which is proven at these times [1/s].
+    slack: float  #: Slack of V̇ <= -slack V, which is proven on these intervals [1/s].
     defect: float  #: Largest V̇/V by the nominal's defect, which is counted [1/s].
-    #: Largest |R_k| / β_k found by ascent at these times; infinite where only β_k is
+    #: Largest |R_k| / β_k found by ascent at their times; infinite where only β_k is
     #: zero; zero where the certificate accounts for no remainder at all.
     remainder_seen: float
-    between: float  #: Largest V̇/V found between them; infinite after a fault [1/s].
     seed: int  #: Seed of the points where the ascents start.
     #: Level of the model's set of gliders that the funnel's contains; None where there
     #: is no set, or none to compare it with.
@@ -62,8 +70,8 @@ class Verdict:
 
     @property
     def is_whole(self) -> bool:
-        """Whether all times were checked."""
-        return self.times == self.of_times
+        """Whether all intervals were checked."""
+        return self.intervals == self.of_intervals
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
@@ -74,18 +82,20 @@ def check_funnel(
     *,
     purpose: Purpose = _ANY,
     seed: int | None = None,
+    workers: int = -1,
     progress: Shares = silent,
 ) -> Verdict:
     """Checks a funnel.
 
     Args:
-        every: check every so many times only, the first and last included.
+        every: check every so many intervals only, the first and last included.
         purpose: what it must be good for.
         seed: of the points where ascents start; one that no file can know if None.
-        progress: called with the share that is done, of held commands, then of times.
+        workers: processes; as many as there are cores if -1.
+        progress: called with the share that is done, of held commands, then of
+            intervals.
     """
-    last = len(funnel.nominal.times) - 1
-    at = sorted({*range(0, last, every), last})
+    wanted = some_intervals(funnel, every)
     growth = defect_growth(funnel.S, defect_bounds(funnel.nominal))
     seed = secrets.randbits(32) if seed is None else seed
     faults = purpose.faults_of(funnel) + _defect_faults(funnel, growth)
@@ -94,20 +104,20 @@ def check_funnel(
     if purpose.covariance and funnel.is_of_set:
         level = purpose.set_level(funnel.allowed)
     seen = 0.0
-    between = np.inf
     if not faults:
-        faults = exact_faults(funnel, at, growth, progress)
-    if not faults:
-        rng = np.random.default_rng(seed)
-        faults, seen, between = _sampled_faults(funnel, at, growth, rng, every)
+        faults = _certificate_faults(funnel, wanted, workers, progress)
+    if not faults and funnel.beta.any():
+        at = np.unique([[k, k + 1] for k in wanted]).tolist()
+        seen = remainder_seen(funnel, at, np.random.default_rng(seed))
+        words = f"The remainder is {seen:.3g} times its bound."
+        faults = unmet((seen <= 1.0, words))
     return Verdict(
-        times=len(at),
-        of_times=last + 1,
+        intervals=len(wanted),
+        of_intervals=len(funnel.nominal.flows),
         faults=tuple(faults),
         slack=proven_slack(funnel),
         defect=float(growth.max()),
         remainder_seen=seen,
-        between=between,
         seed=seed,
         set_level=level,
     )
@@ -123,14 +133,33 @@ def _defect_faults(funnel, growth):
     return unmet((growth[worst] <= margin, fault))
 
 
-def _sampled_faults(funnel, at, growth, rng, every):
-    """Returns what is wrong by ascent; the largest |R_k| / β_k, and V̇/V in between."""
-    seen = remainder_seen(funnel, at, rng) if funnel.beta.any() else 0.0
-    if not seen <= 1.0:
-        return [f"The remainder is {seen:.3g} times its bound."], seen, np.inf
-    between = _largest_between(funnel, growth, rng, every)
-    words = f"Between the times V̇/V reaches {between:.2g} 1/s."
-    return unmet((between < 0.0, words)), seen, between
+def _certificate_faults(funnel, wanted, workers, progress):
+    """Returns the first interval whose certificate does not hold, and of the goal."""
+    faults = []
+    times = funnel.nominal.times
+    prove = functools.partial(prove_interval, remainder=False)
+    for k, found in each_interval(prove, funnel, wanted, workers, progress):
+        if not found.proven:
+            when = f"from {times[k]:.4f} to {times[k + 1]:.4f} s."
+            faults.append(f"{found.fault[0].upper()}{found.fault[1:]} {when}")
+            break
+    where = " about every glider's center" if funnel.is_of_set else ""
+    outside = f"The last set is not within the goal{where}."
+    return faults + unmet((_within_goal(funnel), outside))
+
+
+def _within_goal(funnel):
+    """Returns whether the last set is in the goal, about the center of every glider.
+
+    That is to _GOAL_ROUNDING; where the centers end is in floating point.
+    """
+    axes = funnel.settings.goal_axes(funnel.num_states)
+    try:
+        needed = goal_about(axes, funnel.gliders)
+        goal = exact(needed * (1.0 - _GOAL_ROUNDING))
+        return is_positive_definite(exact(funnel.S[-1]) - goal)
+    except (InputError, ValueError):  # The centers alone leave it.
+        return False
 
 
 def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> float:
@@ -151,19 +180,3 @@ def remainder_seen(funnel: Funnel, at: list[int], rng: np.random.Generator) -> f
             ratios = np.where(found <= LEAST_REMAINDER, 0.0, found / funnel.beta[at])
         worst = float(np.maximum(worst, ratios.max()))  # np's keep a NaN, max does not.
     return worst
-
-
-def _largest_between(
-    funnel: Funnel, defect: np.ndarray, rng: np.random.Generator, every: int = 1
-) -> float:
-    """Returns the largest V̇/V found between the times, by ascent [1/s].
-
-    It includes growth (T,) by the defect, and is infinite where a set is no ellipsoid.
-    """
-    starts = normalized(rng.normal(size=(_STARTS, funnel.num_states)))
-    around = np.maximum(defect[:-1], defect[1:])[funnel.nominal.flows[::every]]
-    try:
-        found = [growth_between(funnel, share, starts, every) for share in SHARES]
-    except np.linalg.LinAlgError:
-        return np.inf
-    return float(np.max(np.array(found) + around))

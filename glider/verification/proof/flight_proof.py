@@ -1,12 +1,11 @@
 """The proof that every flight that starts in a funnel stays there.
 
-Intervals are proven in several processes.
+The certificate holds on each of its intervals, and the remainder keeps its bound there.
 """
 
 import dataclasses
-import warnings
+import functools
 
-import joblib
 import numpy as np
 
 from glider.errors import InputError
@@ -16,7 +15,9 @@ from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval_proof import (
     BUDGET,
     IntervalProof,
+    each_interval,
     prove_interval,
+    some_intervals,
 )
 
 
@@ -85,26 +86,19 @@ def prove_flights(
         every: look at every so many intervals only, the first and last included.
         budget: boxes of one interval, until the search for a bound gives up.
         workers: processes; as many as there are cores if -1.
-        is_checked: whether `check_funnel` holds, which proves held commands too; else
-            they are proven first.
+        is_checked: whether `check_funnel` holds, of the same intervals; else held
+            commands and the certificate are proven too.
 
     Raises:
         InputError: held commands are not what the funnel says that they are.
     """
     for fault in () if is_checked else held_faults(funnel, progress):
         raise InputError(f"Nothing is proven: {fault}")
-    flows = funnel.nominal.flows.tolist()
-    wanted = sorted({*flows[::every], flows[-1]})
+    prove = functools.partial(prove_interval, budget=budget, certificate=not is_checked)
+    wanted = some_intervals(funnel, every)
     outcomes = {}
-    found = joblib.Parallel(n_jobs=workers, return_as="generator")(
-        joblib.delayed(prove_interval)(funnel.between(k, k + 1), budget) for k in wanted
-    )
-    for k, outcome in zip(wanted, found, strict=False):
-        outcomes[k] = outcome
-        progress(len(outcomes) / len(wanted))
-        if not outcome.proven:
+    for k, found in each_interval(prove, funnel, wanted, workers, progress):
+        outcomes[k] = found
+        if not found.proven:
             break
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # That the rest is not needed any more.
-        found.close()
     return FlightProof(times=funnel.nominal.times, outcomes=outcomes)

@@ -89,66 +89,35 @@ class Interval:
 
 
 def make_interval(piece: Funnel) -> Interval:
-    """Returns the polynomials of a funnel of two times; λ > 0 where β is."""
+    """Returns the polynomials of a funnel of two times; λ > 0 where β is.
+
+    Raises:
+        ValueError: a number is not finite, or λ is not positive where β is.
+    """
     nominal = piece.nominal
     n = piece.num_states
     which, rows = nonlinear_parts(nominal.model)
     first, last = map(exact, nominal.times)
     step = last - first
-    path, _ = hermite(nominal.states, nominal.slopes, step)
-    outputs = np.array([np.vstack([np.eye(n), -K]) for K in nominal.gains])
-    return _interval(
-        piece,
-        step,
-        hermite(piece.S, piece.slopes, step),
-        (nominal.open_loop, rows, which),
-        outputs,
-        _limits(piece, path, _centers_reach(piece, step)),
-    )
-
-
-def at_time(funnel: Funnel, k: int) -> Interval:
-    """Returns the polynomials of a funnel at one of its times: none changes in time.
-
-    They are of the closed loop, so that which and rows are of e alone, and h is 1 s.
-    """
-    piece = funnel.between(k, k)
-    n = funnel.num_states
-    rates = funnel.nominal.closed_loop[[k]]
-    degrees = table_of(n).degrees
-    rows = np.flatnonzero(rates[0, :, degrees > 1].any(axis=0)).tolist()
-    return _interval(
-        piece,
-        exact(1.0),
-        (line(piece.S), line(piece.slopes)),
-        (rates, rows, list(range(n))),
-        np.eye(n)[None],
-        _limits(
-            piece,
-            line(piece.nominal.states),
-            _reach_of(piece, line(piece.gliders.shifts)),
-        ),
-    )
-
-
-def _interval(piece, step, sets, dynamics, outputs, limits):
-    """Returns an interval, given S and h Ṡ, and the rates, their rows and variables."""
-    nominal, (rates, rows, which) = piece.nominal, dynamics
-    table = table_of(outputs.shape[1])
-    own = table.without(np.setdiff1d(np.arange(table.num_variables), which))
-    parts = [own & (table.degrees == degree) for degree in (2, 3)]
-    seen = np.isin(np.arange(piece.num_states), which)  # By R.
-    quadratic, cubic = (line(rates[:, rows][..., part]) for part in parts)
+    S, rise = hermite(piece.S, piece.slopes, step)
+    outputs = [np.vstack([np.eye(n), -gains]) for gains in nominal.gains]
+    table = table_of(n + 1)
+    own = table.without(np.setdiff1d(np.arange(n + 1), which))
+    rates = nominal.open_loop
+    higher = [
+        line(rates[:, rows][..., own & (table.degrees == degree)]) for degree in (2, 3)
+    ]
+    seen = np.isin(np.arange(n), which)  # By R.
     return Interval(
         step=step,
         rows=rows,
         which=which,
-        S=sets[0],
-        rise=sets[1],
-        outputs=line(outputs),
+        S=S,
+        rise=rise,
+        outputs=line(np.array(outputs)),
         linear=line(rates[..., table.of_degree(1)]),
-        quadratic=quadratic,
-        cubic=cubic,
+        quadratic=higher[0],
+        cubic=higher[1],
         weights=line(piece.weights),
         bearing=in_time(*map(_bearing, piece.beta, piece.weights)),
         focus=line(np.where(np.outer(seen, seen), piece.focus, 0.0)),
@@ -156,7 +125,7 @@ def _interval(piece, step, sets, dynamics, outputs, limits):
         bends=line(nominal.bends),
         push_weights=line(piece.push_weights),
         push_bearing=in_time(*map(_bearing, piece.unknown_pushes, piece.push_weights)),
-        limits=limits,
+        limits=_limits(piece, step),
     )
 
 
@@ -175,12 +144,14 @@ def _bearing(beta, weights):
     return joined(*(part[None] for part in parts), axis=1)
 
 
-def _limits(piece, path, reach):
+def _limits(piece, step):
     """Returns a and b, of either way of the rate limit and of both stops.
 
     The command may be off by its error, and centers reach some of b. The rate of one
     that is held is that of its sample (`glider.verification.proof.held`).
     """
+    path, _ = hermite(piece.nominal.states, piece.nominal.slopes, step)
+    reach = _centers_reach(piece, step)
     nominal = piece.nominal
     command, gains, error = map(line, (nominal.inputs, nominal.gains, piece.errors))
     servo = nominal.model.parameters.servo
@@ -300,16 +271,10 @@ def _centers_reach(piece: Funnel, step: Exact) -> tuple[float, float]:
     """Returns bounds of U δ, and of X δ of the elevator and τ U δ, over an interval."""
     gliders = piece.gliders
     X, _ = hermite(gliders.shifts, gliders.slopes, step)
-    return _reach_of(piece, X)
-
-
-def _reach_of(piece, X):
-    """Returns bounds of U δ, and of X δ of the elevator and τ U δ, given X (n, m)."""
-    allowed = piece.allowed
     is_held = piece.settings.period > 0.0
-    U = exact(piece.gliders.commands[0]) if is_held else line(-piece.nominal.gains) @ X
+    U = exact(gliders.commands[0]) if is_held else line(-piece.nominal.gains) @ X
     travel = exact(piece.nominal.demanded) @ X + exact(STOPPING_TIME) * U
-    return exact_reach(allowed, U), exact_reach(allowed, travel)
+    return exact_reach(piece.allowed, U), exact_reach(piece.allowed, travel)
 
 
 def exact_reach(confidence: ConfidenceSet, along: Exact) -> float:

@@ -32,10 +32,6 @@ _GRAM_BITS = 36
 """Binary places that Gram matrices are rounded to: 1.5e-11, where their least
 eigenvalues are 1e-6, for they are of h V̇."""
 
-_GRAM_BITS_AT = 26
-"""The same where V falls at one time, and h is 1 s: 1.5e-8, where least eigenvalues are
-2e-5. With more, the determinants take longer."""
-
 BALL_BITS = 30
 """Binary places of the basis. Any number is valid; fewer are faster."""
 
@@ -66,25 +62,17 @@ def prove_growth(
     slack: Exact,
     grams: Sequence[np.ndarray],
     halvings: int = HALVINGS,
-) -> int:
+) -> bool:
     """Tries to prove that V̇ <= -slack V on the boundary throughout an interval.
 
     Gram matrices (s, s) of -V̇/V - slack at both ends, in b(e), are guesses.
-
-    Returns:
-        the number of parts into which the interval was cut; 0 if it is not proven.
     """
     middle, is_proven = _prove_whole(interval, slack, grams)
-    if is_proven:
-        return 1
-    if middle is None or not halvings:
-        return 0
+    if is_proven or middle is None or not halvings:
+        return is_proven
     first, last = interval.halves()
     early = prove_growth(first, slack, (grams[0], middle), halvings - 1)
-    if not early:
-        return 0
-    late = prove_growth(last, slack, (middle, grams[1]), halvings - 1)
-    return early + late if late else 0
+    return early and prove_growth(last, slack, (middle, grams[1]), halvings - 1)
 
 
 def _growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms:
@@ -140,44 +128,21 @@ def gram_guesses(funnel: Funnel, slack: float) -> list[np.ndarray]:
     return found
 
 
-def falls_at(here: Interval, slack: Exact, gram: np.ndarray) -> bool:
-    """Determines whether V̇ <= -slack V on the boundary at a time, for sure.
-
-    Nothing in the interval changes in time. A Gram matrix (s, s) of -V̇/V - slack, in
-    b(e), must be nearly right: no other one is searched for.
-    """
-    basis, forms = _forms_in_ball(here, slack)
-    tables = sphere(len(basis))
-    turn = tables.substitution(basis.to_float())
-    guess = turn.T @ gram @ turn
-    guess = 0.5 * (guess + guess.T)
-    [A] = forms.A.bernstein()
-    own = slice(tables.n)
-    bits = _GRAM_BITS_AT
-    N = rounded(A - guess[own, own], bits)
-    return _has_definite_grams(forms, N, guess[None], 1.0, bits, rounds=1)
-
-
-def _forms_in_ball(interval, slack):
-    """Returns a basis that turns the set in the middle into a ball, and the forms."""
-    S = interval.S.at(Fraction(1, 2)).to_float()
-    basis = rounded(to_ball(S)[1], BALL_BITS)
-    return basis, _growth_forms(interval, basis, slack)
-
-
 def _prove_whole(interval, slack, grams):
     """Returns a Gram matrix in the middle, in b(e), and whether V falls throughout.
 
     The matrix is None where none is found.
     """
-    basis, forms = _forms_in_ball(interval, slack)
+    half = Fraction(1, 2)
+    # It turns the set in the middle into a ball.
+    basis = rounded(to_ball(interval.S.at(half).to_float())[1], BALL_BITS)
+    forms = _growth_forms(interval, basis, slack)
     tables = sphere(len(basis))
     h = float(interval.step.to_float())
     B = basis.to_float()
     turn = tables.substitution(B)
     first, last = (h * turn.T @ gram @ turn for gram in grams)
     # In the middle G is all but the identity.
-    half = Fraction(1, 2)
     here = [form.at(half).to_float() for form in forms[:3]]
     coefficients = tables.coefficients(*here)
     found = _search(tables, 0.5 * (first + last), coefficients, h)
@@ -208,12 +173,12 @@ def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
         yield form
 
 
-def _search(tables, guess, coefficients, h, block=None, rounds=_ROUNDS):
+def _search(tables, guess, coefficients, h, block=None):
     """Returns the entries of a Gram matrix of h V̇ near a guess; None for none."""
     entries = tables.entries(guess)
     least = _LEAST * h
     aim = _AIM * h
-    return nearby_gram(tables, entries, coefficients, least, aim, rounds, block)
+    return nearby_gram(tables, entries, coefficients, least, aim, _ROUNDS, block)
 
 
 def _through(matrices):
@@ -226,11 +191,8 @@ def _through(matrices):
     return in_time(*parts)
 
 
-def _has_definite_grams(forms, N, guesses, h, bits=_GRAM_BITS, rounds=_ROUNDS):
-    """Determines whether all parts of a Q with this N are positive definite.
-
-    Its Gram matrices are rounded to so many binary places.
-    """
+def _has_definite_grams(forms, N, guesses, h):
+    """Determines whether all parts of a Q with this N are positive definite."""
     tables = sphere(len(N))
     even = forms.quartic + exact_product(N, forms.G)
     degree = len(guesses) - 1
@@ -244,11 +206,11 @@ def _has_definite_grams(forms, N, guesses, h, bits=_GRAM_BITS, rounds=_ROUNDS):
         others = joined(cubics[j], quartics[j], axis=1)
         block = corner.to_float() / share
         coefficients = others.to_float() / share
-        found = _search(tables, guess, coefficients, h, block, rounds)
+        found = _search(tables, guess, coefficients, h, block)
         if found is None:
             return False
         whole = share * tables.matrix(found) * scales
-        gram = rounded(whole, bits)
+        gram = rounded(whole, _GRAM_BITS)
         if not has_definite_gram(tables, gram, corner, others):
             return False
     return True

@@ -1,27 +1,27 @@
-"""The proof that no flight leaves a funnel between two of its times.
+"""What is proven on an interval: its certificate, and the bound of its remainder.
 
-In this order, up to the first that fails: the servo follows its command, |R| <= β, and
-V falls on the boundary; β stands for β (1 + eᵀ F e) here and in `enclosure`. For R,
-boxes that cover the ball of deviations, the interval and the set of gliders are halved
-until Taylor models bound R / β by 1 on each, or there are too many. Where one ball is
-too wide for all of an interval, there is one for each half. Where a proof fails, V̇ of
-the full dynamics, without the servo's limits, is climbed on the boundary at a few
-times: where it is positive, flights leave; else the certificate may be too weak to
-prove that none does.
+The certificate, in exact arithmetic: at all times the sets are ellipsoids, the servo
+follows its command, and V falls on the boundary if |R| <= β; β stands for
+β (1 + eᵀ F e) here and in `enclosure`. That R is no larger: boxes that cover the ball
+of deviations, the interval and the set of gliders are halved until Taylor models bound
+R / β by 1 on each, or there are too many. Where one ball is too wide for all of an
+interval, there is one for each half.
 """
 
 import dataclasses
+import warnings
+from collections.abc import Callable, Iterator
 from typing import Any
 
+import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from glider.compiled.taylor import WIDER
+from glider.progress import Shares
 from glider.verification.dynamics.defect import defect_bounds
-from glider.verification.dynamics.nominal import nonlinear_parts
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.enclosure import make_remainder
-from glider.verification.proof.exact_check import proven_slack
 from glider.verification.proof.interval import (
     Interval,
     acts_elsewhere,
@@ -39,6 +39,9 @@ from glider.verification.proof.interval_growth import (
 )
 from glider.verification.sos.exact import exact
 
+_SLACK_SHARE = 0.1
+"""Share of the margin of V̇/V that is proven; the rest is left to rounding."""
+
 BUDGET = 400_000
 """Boxes of one interval until the search gives up; shipped funnels take 90,000."""
 
@@ -50,6 +53,9 @@ _STRETCH = 1.3
 """Factor by which a ball may be wider than the sets along an axis. R grows with its
 fourth power, but halves of an interval, which are tighter, take boxes of their own: of
 38 intervals with held commands a fifth to a quarter of those with 1.05."""
+
+_FEW = 4
+"""Intervals for which it takes longer to start processes."""
 
 _BATCH = 256
 """Boxes that are bounded at once; more are no faster."""
@@ -67,7 +73,6 @@ class IntervalProof:
 
     fault: str = ""  #: Reason why nothing is proven, a clause; empty where all is.
     boxes: int = 0  #: Number of boxes on which the remainder was bounded.
-    parts: int = 0  #: Number of parts of the interval in which V was proven to fall.
     ratio: float = 0.0  #: Largest |R| / β in the centers of boxes.
 
     @property
@@ -76,54 +81,109 @@ class IntervalProof:
         return not self.fault
 
 
+def proven_slack(funnel: Funnel) -> float:
+    """Returns the slack of V̇ <= -slack V that is to be proven [1/s]."""
+    return _SLACK_SHARE * funnel.settings.margin
+
+
+def some_intervals(funnel: Funnel, every: int) -> list[int]:
+    """Returns the indices of every so many intervals, the first and last included."""
+    flows = funnel.nominal.flows.tolist()
+    return sorted({*flows[::every], flows[-1]})
+
+
+def each_interval(
+    function: Callable[[Funnel], IntervalProof],
+    funnel: Funnel,
+    wanted: list[int],
+    workers: int,
+    progress: Shares,
+) -> Iterator[tuple[int, IntervalProof]]:
+    """Yields indices of intervals, and what a function of each returns, in order.
+
+    Args:
+        function: of funnels of two times.
+        funnel: whose intervals they are.
+        wanted: indices of the intervals.
+        workers: processes, if there are many; as many as there are cores if -1.
+        progress: called with the share that is done.
+    """
+    workers = workers if len(wanted) > _FEW else 1
+    tasks = (joblib.delayed(function)(funnel.between(k, k + 1)) for k in wanted)
+    found = joblib.Parallel(n_jobs=workers, return_as="generator")(tasks)
+    try:
+        for number, (k, outcome) in enumerate(zip(wanted, found, strict=True), 1):
+            progress(number / len(wanted))
+            yield k, outcome
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # That the rest is not needed any more.
+            found.close()
+
+
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
 @np.errstate(all="ignore")  # What is infinite or NaN proves nothing.
-def prove_interval(piece: Funnel, budget: int = BUDGET) -> IntervalProof:
+def prove_interval(
+    piece: Funnel,
+    budget: int = BUDGET,
+    *,
+    certificate: bool = True,
+    remainder: bool = True,
+) -> IntervalProof:
     """Tries to prove that no flight leaves a funnel of two times between them.
 
-    The search for a bound of the remainder gives up after a budget of boxes.
+    Args:
+        piece: the funnel.
+        budget: boxes until the search for a bound of the remainder gives up.
+        certificate: whether to prove that none leaves if |R| <= β.
+        remainder: whether to prove that.
     """
     try:
-        return _prove(piece, budget)
+        if remainder and not piece.beta.any():
+            return IntervalProof(fault="the certificate accounts for no remainder")
+        fault = _certificate_fault(piece) if certificate else ""
+        if fault or not remainder:
+            return IntervalProof(fault=fault)
+        return _prove_remainder(piece, make_interval(piece), budget)
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         # Of what floating point has to propose.
         return IntervalProof(fault="its numbers are too large, or its sets too flat")
 
 
-def _prove(piece, budget):
-    if not piece.beta.any():
-        return IntervalProof(fault="the certificate accounts for no remainder")
-    if np.any((piece.beta > 0.0) & (piece.weights == 0.0)):
-        return IntervalProof(fault="a weight of the remainder is zero")
-    if np.any((piece.unknown_pushes > 0.0) & (piece.push_weights == 0.0)):
-        return IntervalProof(fault="a weight of a disturbance is zero")
+def _certificate_fault(piece):
+    """Returns what is not proven, a clause; empty where all is."""
+    if not _has_weights(piece.beta, piece.weights):
+        return "a weight of the remainder is zero"
+    if not _has_weights(piece.unknown_pushes, piece.push_weights):
+        return "a weight of the command's error or the wind is zero"
     if fault := acts_elsewhere(piece):
-        return IntervalProof(fault=fault)
+        return fault
     interval = make_interval(piece)
     if not stays_definite(interval.S):
-        return IntervalProof(fault="a set is not an ellipsoid")
+        return "a set is not an ellipsoid"
     if not keeps_servo(interval):
-        return IntervalProof(fault="the servo would meet its limits")
+        return "the servo would meet its limits"
     slack = _needed_slack(piece, interval)
     if not np.isfinite(slack):
-        return IntervalProof(fault="the nominal's defect is not bounded")
-    found = _prove_remainder(piece, interval, budget)
-    if not found.proven:
-        return found
-    parts = prove_growth(interval, exact(slack), gram_guesses(piece, slack))
-    fault = "" if parts else "V was not proven to fall on the boundary"
-    return dataclasses.replace(found, fault=fault, parts=parts)
+        return "the nominal's defect is not bounded"
+    if not prove_growth(interval, exact(slack), gram_guesses(piece, slack)):
+        return "V was not proven to fall on the boundary"
+    return ""
+
+
+def _has_weights(bounds, weights):
+    """Determines whether weights are positive wherever bounds are not zero."""
+    weighed = (bounds > 0.0) & (weights > 0.0)
+    return np.all(np.where(bounds == 0.0, weights >= 0.0, weighed))
 
 
 def _needed_slack(piece: Funnel, interval: Interval) -> float:
-    """Returns `proven_slack` and what the linear rates' defect adds to V̇/V [1/s].
+    """Returns `proven_slack` and what defects add to V̇/V [1/s].
 
-    It is the nominal's and that of the gliders' centers; that of the other rates is in
-    R. It adds 2 √(δᵀ |S| δ), rounded up, with the largest of Bernstein's coefficients
-    of S.
+    They are the nominal's and that of the gliders' centers. They add 2 √(δᵀ |S| δ),
+    rounded up, with the largest of Bernstein's coefficients of S.
     """
     delta = defect_bounds(piece.nominal)[0] + gliders_defect(piece)
-    delta[nonlinear_parts(piece.nominal.model)[1]] = 0.0
     largest = np.abs(interval.S.bernstein()).max(axis=0)
     growth = float(2.0 * np.sqrt(delta @ largest @ delta) * WIDER)
     return proven_slack(piece) + growth

@@ -1,7 +1,7 @@
 """A funnel is the intended one: its glider, and the problem that it solves.
 
 A certificate is about whatever its file says; that this is the caller's glider, launch
-and wire is compared here. The last set lies in the goal (`exact_check`): no flight ends
+and wire is compared here. The last set lies in the goal (`check`): no flight ends
 farther off than the goal reaches.
 """
 
@@ -119,31 +119,28 @@ def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
 
 def _model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     """Returns the first difference of a funnel's glider from a model, if any."""
-    own = parse_yaml(model_text(funnel.nominal.model), "model")
-    other = parse_yaml(model_text(model), "model")
-    if own == other:
-        return []
-    keys = []
-    while isinstance(own, dict | list) and isinstance(other, type(own)):
-        if isinstance(own, list) and len(own) != len(other):
-            break
-        mine, theirs = (
-            dict(enumerate(value)) if isinstance(value, list) else value
-            for value in (own, other)
-        )
-        key = next(k for k in {**mine, **theirs} if mine.get(k) != theirs.get(k))
-        keys.append(str(key))
-        own = mine.get(key)
-        other = theirs.get(key)
-    place = ".".join(keys)
-    # Digits that a message omits may be all that differs.
-    found = show(own)
-    expected = show(other)
-    if found == expected:
-        found = repr(own)
-        expected = repr(other)
-    words = f"The funnel is of another glider: '{place}' of its model is {found};"
-    return [f"{words} expected {expected}."]
+    own, other = (
+        dict(_entries(parse_yaml(model_text(one), "model")))
+        for one in (funnel.nominal.model, model)
+    )
+    for place in {**own, **other}:
+        found = own.get(place)
+        expected = other.get(place)
+        if found != expected:
+            # Digits that a message omits may be all that differs.
+            say = repr if show(found) == show(expected) else show
+            words = f"The funnel is of another glider: '{place}' of its model is"
+            return [f"{words} {say(found)}; expected {say(expected)}."]
+    return []
+
+
+def _entries(data, place=""):
+    """Yields places and values of what a file has; a list is one value."""
+    for key, value in data.items():
+        if isinstance(value, dict) and value:
+            yield from _entries(value, f"{place}{key}.")
+        else:
+            yield f"{place}{key}", value
 
 
 def _set_faults(funnel, purpose):
