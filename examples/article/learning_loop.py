@@ -352,7 +352,7 @@ def draw(path: Path, rounds: list[Round]) -> None:
         cost.plot(executed, "o-", color=RED, ms=3, label="executed")
         cost.plot(nominal, "o-", color=BLUE, ms=3, label="from the planned launch")
         cost.set(xlabel="round", ylabel="terminal cost", yscale="log")
-        cost.legend()
+        cost.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
         change.plot([own.change for own in rounds], "o-", color=BLUE, ms=3)
         change.set(xlabel="round", ylabel="change of the weights", yscale="log")
 
