@@ -12,5 +12,6 @@ if TYPE_CHECKING:
     from diagrams.loops import closed_loop, estimated_loop, open_loop
     from diagrams.scene import AddScene
     from diagrams.simulate import simulate_flights
+    from diagrams.tube import draw_tube, plot_tube
 else:
     __getattr__, __dir__, __all__ = attach(__name__, __file__)
