@@ -25,9 +25,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from diagrams import closed_loop, playback, simulate_flights
+from diagrams import closed_loop, draw_tube, playback, plot_tube, simulate_flights
 from diagrams.programs import program
-from diagrams.tube import draw_tube, plot_tube
 from glider import (
     GliderModel,
     InputError,

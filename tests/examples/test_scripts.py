@@ -12,13 +12,11 @@ import pytest
 
 from diagrams.programs.program import run
 from examples.perch_corrected import rehearse
-from examples.perching_funnel import tube_of
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.problem import PerchingProblem
-from glider.verification.funnel.funnel import load_funnel
 from tests.helpers.campaigns import campaign_path
 from tests.simulation.test_refly import CORRECTED
 
@@ -199,14 +197,3 @@ def test_the_true_glider_stays_in_the_funnel_of_what_was_found(tmp_path, capsys)
     assert "least margin is -" in nominal and "least margin is 0." in corrected
     assert ink > 0.05
     assert ">A certified perch: head_wind<" in page
-
-
-def test_a_tube_is_as_wide_as_the_funnel_across_the_path():
-    funnel = load_funnel(models_path("funnels", "drawn.npz"))
-    times = funnel.nominal.times[:1]
-    [normal], [radius] = tube_of(funnel, times)
-    edge = funnel.nominal.states[0].copy()
-    place = np.linalg.inv(funnel.shape(times)[0])[:, :2] @ normal
-    edge += place / radius
-    assert funnel.level(times, edge[None]) == pytest.approx(1.0)
-    assert (edge - funnel.nominal.states[0])[:2] @ normal == pytest.approx(radius)

@@ -31,7 +31,6 @@ FILES = (
     "examples/article/test_basis_model.py",
     "examples/article/test_course.py",
     "examples/article/test_learning_loop.py",
-    "examples/test_figures.py",
     "physics/test_held_commands.py",
     "planning/test_problem.py",
     "simulation/test_refly.py",

@@ -173,7 +173,7 @@ def test_what_is_no_file_of_a_funnels_size_is_not_read(kind, tmp_path, capsys):
     assert "is not a funnel" in capsys.readouterr().err
 
 
-def test_a_bomb_is_refused_without_the_memory_it_asks_for(source, tmp_path, capsys):
+def test_a_bomb_is_given_none_of_the_memory_that_it_asks_for(source, tmp_path, capsys):
     """3 MB that are 3 GB: of one array that no funnel has, and of a long one."""
     path = tmp_path / "funnel.npz"
     with zipfile.ZipFile(source) as good:
@@ -189,7 +189,7 @@ def test_a_bomb_is_refused_without_the_memory_it_asks_for(source, tmp_path, caps
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     capsys.readouterr()
-    assert code in (1, 2)
+    assert code == 0  # What follows an array in its file is not read.
     assert peak < 2e8
 
 

@@ -298,7 +298,9 @@ def test_two_points_of_a_video_give_the_pitch(tmp_path, campaign, columns):
     path.write_text(text + frame)
     assert_same_motion(read_flights(files, path), campaign.flights)
     path.write_text(text)
-    with pytest.raises(InputError, match=r"up is z and forward is x.*expected"):
+    with pytest.raises(
+        InputError, match=r"up is z, but the columns are x and y.*expected"
+    ):
         read_flights(files, path)
 
 
