@@ -155,15 +155,13 @@ assert result.verdict == "effect_found"
 assert [effect.kind for effect in result.effects] == ["thread_drag"]
 
 # %% [markdown]
-# The coefficient agrees with the one that we simulated. The next cell shows what single
-# effects would gain on their own, in nats. The closest rival comes near, and the
-# flights still distinguish it. A rival within a few nats would be reported as
-# indistinguishable.
+# The coefficient agrees with the one that we simulated. Sets of effects that are nearly
+# as likely would be rivals; here the flights leave none.
 
 # %%
-ranked = sorted(result.candidates.items(), key=lambda item: -item[1])
-for kind, evidence in ranked[:5]:
-    print(f"{kind:16} {evidence:8.0f}")
+for alternative in result.alternatives:
+    kinds = [effect.kind.kind for effect in alternative.model.effects]
+    print(f"{alternative.probability:.2f}", *kinds)
 
 # %% [markdown]
 # `CONTRIBUTING.md` explains how to add an effect to the library for good. It then
