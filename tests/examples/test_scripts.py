@@ -185,7 +185,7 @@ def test_few_throws_tell_the_hidden_effect(tmp_path, capsys):
     assert ink > 0.02
 
 
-@pytest.mark.slow
+@pytest.mark.nightly  # A minute: two funnels are checked at all times, and flown.
 def test_the_true_glider_stays_in_the_funnel_of_what_was_found(tmp_path, capsys):
     folder = models_path("funnels")
     page, ink = show("perching_funnel", tmp_path, f"--load={folder}", "--samples=80")
