@@ -35,7 +35,7 @@ def test_all_perch_on_a_filters_estimate_from_motion_capture():
         assert filtering[name].misses[0] != seeing[name].misses[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly  # It compiles for a minute.
 def test_the_options_reach_the_flights(tmp_path, capsys):
     page, picture = tmp_path / "page.html", tmp_path / "figure.png"
     model = tmp_path / "model.yaml"
