@@ -7,7 +7,6 @@ question mark, the next best frame and what distinguishes both.
 
 import fnmatch
 import json
-import math
 import os
 import re
 from collections.abc import Sequence
@@ -268,10 +267,12 @@ def _quoted(value: str | list[str]) -> str:
     """A name, or a list of several, as YAML has it."""
     if isinstance(value, list) and len(value) == 1:
         value = value[0]
-    text = yaml.safe_dump(
-        [value], default_flow_style=True, allow_unicode=True, width=math.inf
-    )
-    return text.strip()[1:-1]
+    if isinstance(value, list):
+        return f"[{', '.join(map(_quoted, value))}]"
+    is_plain = re.fullmatch(r"[A-Za-z/][\w./]*", value)
+    if is_plain and value not in ("y", "n"):  # Those are booleans to some readers.
+        return value
+    return json.dumps(value, ensure_ascii=False)  # JSON's strings are YAML's, too.
 
 
 def _words(name: str) -> str:
