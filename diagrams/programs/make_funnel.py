@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
     from glider.verification.funnel.settings import FunnelSettings
 
 _LEVEL = 0.95
-"""Default probability of the set of gliders."""
+"""Default probability of the set of gliders: that of `glider.physics.confidence`, which
+takes a second to import."""
 
 _COMMAND_ERROR = 0.05
 """Default bound of the error of a command that is computed late, in a wind [rad/s]:
@@ -201,17 +203,18 @@ def _describe(funnel: "Funnel") -> str:
 
 def _proof_command(args: argparse.Namespace) -> str:
     """The command line that proves what was made."""
-    words = [f"glider check-funnel {args.out} --model {args.model} --prove"]
+    words = ["glider", "check-funnel", str(args.out), "--model", str(args.model)]
+    words.append("--prove")
     if args.problem:
-        words.append(f"--problem {args.problem}")
+        words += ["--problem", str(args.problem)]
     if args.hook:
         words.append("--hook")
     for name in ("hold", "latency", "wind"):
         if getattr(args, name):
-            words.append(f"--{name} {getattr(args, name):g}")
+            words += [f"--{name}", f"{getattr(args, name):g}"]
     if args.command_error and not args.latency:
-        words.append(f"--command-error {args.command_error:g}")
-    return " ".join(words)
+        words += ["--command-error", f"{args.command_error:g}"]
+    return shlex.join(words)  # A name may have blanks.
 
 
 def _write_figure(funnel: "Funnel", path: Path) -> None:
