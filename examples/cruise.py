@@ -117,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = program.make_parser(__doc__)
     words = "of the glide [m/s] (default: %(default)s)"
     parser.add_argument("--speed", type=float, default=7.0, help=words)
-    args = program.read_options(parser, arguments, json=False)
+    args = program.read_options(parser, arguments)
 
     model = GliderModel()
     trim = find_trim(model, args.speed)

@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--effect", choices=RIVALS, default="command_delay", help=words)
     program.add_launches(parser, 6)
     words = "the first proposal, as PNG"
-    args = program.read_options(parser, arguments, figure=words, json=False)
+    args = program.read_options(parser, arguments, figure=words)
 
     rng = np.random.default_rng(args.seed)
     hidden = GliderModel(effects=(RIVALS[args.effect],))

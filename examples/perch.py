@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = "file, or the name of one in models/problems (default: %(default)s)"
     parser.add_argument("--problem", default="perching", help=words)
     words = "paths and elevator, as PNG"
-    args = program.read_options(parser, arguments, figure=words, json=False)
+    args = program.read_options(parser, arguments, figure=words)
 
     # The problem holds launch, wire, limits and weights; the plan holds states,
     # elevator rates and times at its knots.

@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = program.make_parser(__doc__)
     program.add_truth(parser, "head_wind")
     program.add_launches(parser, 100, least=3)
-    args = program.read_options(parser, arguments, figure="paths, as PNG", json=False)
+    args = program.read_options(parser, arguments, figure="paths, as PNG")
 
     truth = GliderModel.load(args.truth)
     nominal = GliderModel(parameters=truth.parameters)

@@ -97,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = "folder of drawn.npz and TRUTH.npz, which are not made then"
     parser.add_argument("--load", metavar="DIR", type=Path, help=words)
     parser.add_argument("--save", metavar="DIR", type=Path, help="where to save them")
-    args = program.read_options(parser, arguments, figure="tubes, as PNG", json=False)
+    args = program.read_options(parser, arguments, figure="tubes, as PNG")
     truth = GliderModel.load(args.truth)
     names = ("drawn.npz", f"{Path(args.truth).stem}.npz")
     if args.save:

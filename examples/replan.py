@@ -122,7 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--width", type=float, default=1.0, help=words)
     words = "give the controllers a Kalman filter's estimate"
     parser.add_argument("--estimated", action="store_true", help=words)
-    args = program.read_options(parser, arguments, figure="paths, as PNG", json=False)
+    args = program.read_options(parser, arguments, figure="paths, as PNG")
 
     truth = GliderModel.load(args.truth)
     model = GliderModel(parameters=truth.parameters)

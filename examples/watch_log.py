@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("flight", help="one of them, such as flight_003")
     words = "corrected model (default: what closing the loop finds, in a minute)"
     program.add_file(parser, "--model", words)
-    args = program.read_options(parser, arguments, json=False)
+    args = program.read_options(parser, arguments)
 
     campaign = load_campaign(args.campaign)
     flight = refly.find_flight(campaign, args.flight)

@@ -3,7 +3,7 @@
 def main(arguments=None):
     parser = make_parser(__doc__)
     add_launches(parser, 20)
-    args = read_options(parser, arguments, json=False)
+    args = read_options(parser, arguments)
     with working("plan (compiles once)"):
         planned = plan(GliderModel())
     show(args, [track_of("plan", planned)], "A plan")
@@ -14,13 +14,12 @@ if __name__ == "__main__":
 
 import argparse
 import contextlib
-import json
 import math
 import os
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -106,7 +105,6 @@ def read_options(
     arguments: Sequence[str] | None,
     *,
     figure: str | None = None,
-    json: bool = True,
 ) -> argparse.Namespace:
     """Adds --html, --rate and --headless; reads all options and checks the files.
 
@@ -114,14 +112,11 @@ def read_options(
         parser: with an example's own options.
         arguments: of the command line; None for those of the process.
         figure: help of --figure, which an example without a picture lacks.
-        json: whether there is --json, for `write_json`.
 
     Raises:
         InputError: a file cannot be written.
     """
     files = {"--html": "where to write the animation, a page that needs no server"}
-    if json:
-        files["--json"] = "where to write the key figures"
     if figure is not None:
         files["--figure"] = figure
     for name, words in files.items():
@@ -132,7 +127,7 @@ def read_options(
     parser.add_argument("--headless", action="store_true", help=words)
     args = parser.parse_args(arguments)
     picture = getattr(args, "figure", None)
-    check_files(getattr(args, "json", None), args.html, figure=picture)
+    check_files(args.html, figure=picture)
     return args
 
 
@@ -197,20 +192,6 @@ def working(words: str) -> Iterator[Progress]:
 
 
 # --------------------------------------------------------------------- and after it
-
-
-def write_json(args: argparse.Namespace, figures: Mapping[str, object]) -> None:
-    """Writes key figures where --json says."""
-    if args.json:
-        write_text(args.json, json.dumps(figures, indent=2) + "\n")
-
-
-def write_figure(
-    args: argparse.Namespace, save: Callable[..., None], *shown: object
-) -> None:
-    """Draws where --figure says, by `save(file, *shown)`."""
-    if args.figure:
-        save(args.figure, *shown)
 
 
 def plot_perches(

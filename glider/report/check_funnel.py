@@ -106,25 +106,6 @@ def check_report(checked: Checked) -> dict[str, Any]:
     return report
 
 
-def _loop_report(funnel):
-    """Returns the loop that a theorem is about as it is written to JSON.
-
-    The state is the true one, without an estimator; the period is exact.
-    """
-    settings = funnel.settings
-    level = funnel.allowed.level if funnel.is_of_set else None
-    return {
-        "state": "true",
-        "commands": "held" if settings.period else "continuous",
-        "period_s": settings.period,
-        "latency_s": 0.0,
-        "jitter_s": 0.0,
-        "command_error_rad_s": settings.command_error,
-        "wind_m_s": settings.wind,
-        "set_level": level,
-    }
-
-
 def describe_check(checked: Checked) -> str:
     """Returns the outcome of `check-funnel` in sentences, one a line."""
     funnel = checked.funnel

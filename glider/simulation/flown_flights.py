@@ -180,15 +180,6 @@ class Perches:
         """The flight that misses by most."""
         return max(self.flights, key=lambda flight: flight.miss)
 
-    def key_figures(self) -> dict[str, object]:
-        """Key figures of the flights at the wire, for a file."""
-        return {
-            "miss_m": self.misses,
-            "speed_at_wire_m_s": self.speeds,
-            "pitch_at_wire_rad": self.pitches,
-            "perched": self.perched,
-        }
-
     def describe(self) -> str:
         """Describes the number that perch, and the median flight at the wire."""
         pitch = np.degrees(np.median(self.pitches))

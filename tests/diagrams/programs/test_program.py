@@ -1,7 +1,6 @@
 """The options and the page that the examples share."""
 
 import io
-import json
 import os
 import urllib.request
 
@@ -19,8 +18,6 @@ from diagrams.programs.program import (
     silent,
     start_meshcat,
     working,
-    write_figure,
-    write_json,
 )
 from glider.errors import InputError
 from glider.paths import models_path
@@ -84,22 +81,6 @@ def test_a_wire_is_shown_where_flights_go_to_one(tmp_path, monkeypatch, has_wire
     assert [stage.wire for stage in stages] == [wire]
 
 
-def test_figures_are_written_only_when_asked_for(tmp_path):
-    write_json(parse(), {"miss": 0.02})
-    path = tmp_path / "figures.json"
-    write_json(parse("--json", path), {"miss": 0.02})
-    assert json.loads(path.read_text()) == {"miss": 0.02}
-
-
-def test_a_picture_is_drawn_only_when_asked_for(tmp_path):
-    drawn = []
-    write_figure(parse(), lambda *given: drawn.append(given), "a", "b")
-    assert drawn == []
-    path = tmp_path / "paths.png"
-    write_figure(parse("--figure", path), lambda *given: drawn.append(given), "a", "b")
-    assert drawn == [(path, "a", "b")]
-
-
 def test_an_example_without_a_picture_has_no_option_for_one(capsys):
     with pytest.raises(SystemExit):
         read_options(make_parser(""), ["--figure", "paths.png"])
@@ -107,7 +88,7 @@ def test_an_example_without_a_picture_has_no_option_for_one(capsys):
 
 
 def test_options_are_refused_where_their_file_cannot_be_written(tmp_path):
-    for option in ("--json", "--html", "--figure"):
+    for option in ("--html", "--figure"):
         with pytest.raises(InputError, match="absent does not exist"):
             parse(option, tmp_path / "absent" / "a.png")
 
