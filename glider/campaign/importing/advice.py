@@ -23,7 +23,7 @@ from glider.errors import InputError
 _MOST_RECORDINGS = 6  # That changes are tried on.
 _MOST_ROWS = 20_000  # Of these: a hundred trials of them take 20 s.
 _AS_GOOD = 1.2  # Ratio of misfits below which two changes fit as well.
-_ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
+ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 
 _Import = Callable[[Sequence[Recording], Mapping], tuple[Campaign, Sequence[str]]]
 """From recordings and a mapping to a campaign and warnings; InputError if refused."""
@@ -86,7 +86,7 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
     if "attitude" in columns or "yaw" in columns:
         axes = itertools.permutations(FRAME_CHOICES["nose"][0], 2)
         frames += [{"nose": nose, "top": top} for nose, top in axes]
-        frames += [{"rotation": order} for order in (*_ORDERS, "wxyz", "xyzw")]
+        frames += [{"rotation": order} for order in (*ORDERS, "wxyz", "xyzw")]
     yield from (("frame", frame) for frame in frames)
     if "x" in columns and "y" not in columns:
         others = {name for group in log.groups for name in group.columns}

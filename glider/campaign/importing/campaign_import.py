@@ -13,9 +13,10 @@ import numpy as np
 from glider.campaign.checks.frame import check_signs
 from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.flight_table import Table, with_flights
-from glider.campaign.importing.advice import advise
+from glider.campaign.importing.advice import ORDERS, advise
 from glider.campaign.importing.clock_offset import join_clocks
 from glider.campaign.importing.cutting import cut
+from glider.campaign.importing.frame_posterior import rank_orders
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.selection import ServoLogs
@@ -28,6 +29,8 @@ from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect, printable
 from glider.progress import Progress, announced, silent
 
+_CLEARLY = 14.0  # Log odds above which an order is refused: a million to one.
+_DOUBT = 3.0  # The same for a warning: twenty to one.
 _REASONS = 3  # Number of reasons listed where recordings have no flight.
 
 
@@ -167,12 +170,15 @@ def read_flights(
 
     def run(some: Sequence[Recording], claim: Mapping) -> tuple[Campaign, list[str]]:
         result = _import(some, claim, settings)
-        return result.campaign, result.warnings
+        return result.campaign, [*result.warnings, *_check_order(some, claim)]
 
     try:
-        return _import(recordings, claim, settings)
+        result = _import(recordings, claim, settings)
     except InputError as error:
         raise advise(error, recordings, claim, run) from None
+    undecided = (*result.undecided, *_check_order(recordings, claim))
+    campaign = dataclasses.replace(result.campaign, notes=undecided)
+    return dataclasses.replace(result, campaign=campaign, undecided=undecided)
 
 
 def _import(
@@ -186,6 +192,27 @@ def _import(
     undecided += check_signs(campaign)
     noted = dataclasses.replace(campaign, notes=tuple(undecided))
     return ImportResult(campaign=noted, recordings=cuts, undecided=tuple(undecided))
+
+
+def _check_order(recordings: Sequence[Recording], claim: Mapping) -> list[str]:
+    """Warns of an order of Euler angles where another is likelier; refuses others."""
+    own = claim.frame.rotation or ("ZYX" if "roll" in claim.columns else None)
+    if own not in ORDERS:
+        return []
+    orders = [own, *(order for order in ORDERS if order != own)]
+    frames = [dataclasses.replace(claim.frame, rotation=order) for order in orders]
+    claims = [dataclasses.replace(claim, frame=frame) for frame in frames]
+    logs = [part for r in recordings for part in split_flights(r, claim.columns)]
+    scores = rank_orders(logs, claims)
+    best = int(np.argmax(scores))
+    odds = scores[best] - scores[0]
+    words = (
+        f"frame: rotation: with {orders[best]} in place of {own} forces and the "
+        f"direction of flight are {np.exp(min(odds, 99.0)):.3g} times as likely"
+    )
+    if odds > _CLEARLY:
+        raise InputError(f"{claim.source}: {words}.")
+    return [f"{words}: check which it is"] if odds > _DOUBT else []
 
 
 def _check_flights(cuts: Sequence[_CutRecording], source: str) -> None:

@@ -15,8 +15,9 @@ wrong).
 """
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -53,6 +54,7 @@ _SIDEWAYS = 0.3  # Deviation of both toward the wing tips, where they are less o
 _STEP = 0.5 * SPAN  # Time between rows [s].
 _MEMORY = 0.2  # Time over which errors of this model persist [s].
 _SHARED = 0.2  # Correlation of the model's errors between flights of one glider.
+_KNOWN_AXES = {"nose": "x", "top": "z"}  # Of a body whose axes are known.
 _MOST = 12  # Flights that are judged.
 _SAME = 0.02  # Difference of rotations up to which two readings are one.
 
@@ -85,20 +87,32 @@ def rank_frames(
                 continue
             tried.append(tracks)
             pieces = pieces or [_cut(track) for track in tracks]
-            flights = []
-            for track, own in zip(tracks, pieces, strict=True):
-                flights += [_fly(track, piece) for piece in own]
+            flights = _fly_all(tracks, pieces)
             if not flights:
                 break
             is_known = tracks[0].rotation is None or "top" in reading
-            body, score = _judge(flights[:_MOST], up, is_known)
-            frames.append(world | reading | body)
-            scores.append(score + math.log(prior * habit))
+            for body in [_KNOWN_AXES] if is_known else _body_axes():
+                fields = {} if is_known else body
+                frames.append(world | reading | fields)
+                score = _judge(flights, up, body)
+                scores.append(score + math.log(prior * habit))
     if not frames:
         return []
     shares = softmax(scores)
     order = np.argsort(-shares, kind="stable")
     return [(frames[k], float(shares[k])) for k in order]
+
+
+def rank_orders(logs: Sequence[Recording], claims: Collection[Mapping]) -> list[float]:
+    """Log probabilities, up to a constant, of mappings that differ in a rotation."""
+    scores = []
+    pieces: list[list[Track]] = []
+    for claim in claims:
+        tracks = [make_track(log, claim) for log in logs]
+        pieces = pieces or [_cut(track) for track in tracks]
+        flights = _fly_all(tracks, pieces)
+        scores.append(_judge(flights, "z", _KNOWN_AXES) if flights else 0.0)
+    return scores
 
 
 def _worlds(tracks: Sequence[Track]) -> list[_Fields]:
@@ -129,6 +143,16 @@ def _cut(track: Track) -> list[Track]:
     return pieces
 
 
+def _fly_all(
+    tracks: Sequence[Track], pieces: Sequence[Sequence[Track]]
+) -> list[_Flight]:
+    """The flights that were cut out of recordings, as many as are judged."""
+    found = []
+    for track, own in zip(tracks, pieces, strict=True):
+        found += [_fly(track, piece) for piece in own]
+    return found[:_MOST]
+
+
 def _fly(track: Track, piece: Track) -> _Flight:
     """A flight that was cut out of a recording, in the axes of the body."""
     rows = np.searchsorted(track.time, piece.time)
@@ -147,27 +171,24 @@ def _fly(track: Track, piece: Track) -> _Flight:
     return flow, np.einsum("nji,nj->ni", turns, pull), turns[:, 2]
 
 
-def _judge(
-    flights: Sequence[_Flight], up: str, is_known: bool
-) -> tuple[_Fields, float]:
-    """Axes of the body, and the log probability of the frame up to a constant.
+def _body_axes() -> Iterator[_Fields]:
+    """The ways in which the axes of a body may point."""
+    for nose, top in itertools.product(AXES, AXES):
+        if nose[-1] != top[-1]:
+            yield {"nose": nose, "top": top}
 
-    If they are known the nose is x and the top z.
-    """
-    flow, force, _ = map(np.concatenate, zip(*flights, strict=True))
-    ways = [np.sum(own, axis=0) for own, _, _ in flights]
-    path = np.mean([way / np.linalg.norm(way) for way in ways], axis=0)
-    above = np.mean([np.mean(own, axis=0) for _, _, own in flights], axis=0)
-    nose = "x"
-    top = "z"
-    if not is_known:
-        nose = max(AXES, key=lambda axis: path @ unit_vector(axis))
-        others = [axis for axis in AXES if axis[-1] != nose[-1]]
-        top = max(others, key=lambda axis: above @ unit_vector(axis))
+
+def _judge(flights: Sequence[_Flight], up: str, axes: _Fields) -> float:
+    """Log probability of a frame with these axes of the body, up to a constant."""
+    nose, top = axes["nose"], axes["top"]
     ahead = unit_vector(nose)
     over = unit_vector(top)
     left = np.cross(over, ahead)
     body = np.stack([ahead, left, over])
+    flow, force, _ = map(np.concatenate, zip(*flights, strict=True))
+    ways = [np.sum(own, axis=0) for own, _, _ in flights]
+    path = np.mean([way / np.linalg.norm(way) for way in ways], axis=0)
+    above = np.mean([np.mean(own, axis=0) for _, _, own in flights], axis=0)
     # Rows and flights repeat the errors of this model.
     independent = _STEP / _MEMORY / len(flights)
     score = independent * _explain(flow @ body.T, force @ body.T)
@@ -176,8 +197,7 @@ def _judge(
     score *= len(flights) / (1.0 + _SHARED * (len(flights) - 1))
     # Bodies are often defined as they lie upright, or with x ahead.
     usual = 0.1 * (top == up) + 0.2 * (nose == "x" and top[-1] == "z") + 0.008
-    fields = {} if is_known else {"nose": nose, "top": top}
-    return fields, float(score) + math.log(usual)
+    return float(score) + math.log(usual)
 
 
 def _explain(flow: np.ndarray, force: np.ndarray) -> float:

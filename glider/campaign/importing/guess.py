@@ -356,6 +356,8 @@ def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
         for stem in filter(is_named, stems):
             if any(log.find_all(stem, axes, quantity) for axes in shapes):
                 fits.append(stem)
+        # A reader's own names: a header may name the same numbers in another order.
+        fits = [f for f in fits if f.endswith((".Position", ".Rotation"))] or fits
         owner = columns.get("attitude", "").rpartition(".")[0]
         own = [stem for stem in fits if owner and stem.startswith(f"{owner}.")]
         if fits:

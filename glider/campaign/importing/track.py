@@ -7,6 +7,7 @@ for a tracked point r ahead of and above the center of mass.
 """
 
 import dataclasses
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -167,7 +168,9 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
     if track.rotation is None:
         assert track.pitch is not None
         return track.pitch, None
-    yaw, pitch, roll = Rotation.from_matrix(track.rotation).as_euler("ZYX").T
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Straight up or down the yaw is taken as zero.
+        yaw, pitch, roll = Rotation.from_matrix(track.rotation).as_euler("ZYX").T
     over = np.abs(roll) > 0.5 * np.pi
     ways = np.array([[roll, pitch, yaw], [roll + np.pi, np.pi - pitch, yaw + np.pi]])
     turns = np.exp(1j * ways)
