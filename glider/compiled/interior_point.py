@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from glider.compiled.collocation import Path, PathDynamics
-from glider.compiled.kernel import machine_code
 from glider.compiled.stages import newton_step, weigh
 from glider.physics.model import GliderModel
 
@@ -155,6 +154,7 @@ class _Limits:
             barrier: weight μ of the barrier function.
         """
         low, high = bounds
+        self._size = len(w)
         below = np.flatnonzero(np.isfinite(low))
         above = np.flatnonzero(np.isfinite(high))
         self._which = np.concatenate([below, above])
@@ -178,7 +178,7 @@ class _Limits:
 
     def push(self, scratch: _Scratch) -> None:
         """Adds the forces to the Lagrangian's slope by knots and h."""
-        _push_bounds(self._which, self._signs, self._forces, scratch.lagrangian)
+        scratch.lagrangian[:] -= self._by_place(self._signs * self._forces)
 
     def miss_barrier(self, barrier: float) -> float:
         """Returns the largest difference of force times slack from the weight."""
@@ -187,8 +187,9 @@ class _Limits:
 
     def curve(self, barrier: float, scratch: _Scratch) -> None:
         """Adds what the barrier does to slopes and curvature of the program."""
-        of_bounds = self._which, self._signs, self._slacks, self._forces
-        _curve_bounds(*of_bounds, barrier, scratch.slope, scratch.diagonal)
+        own = barrier / self._slacks
+        scratch.slope[:] -= self._by_place(self._signs * own)
+        scratch.diagonal[:] += self._by_place(self._forces / self._slacks)
 
     def keep_clear(
         self, barrier: float, keep: float, scratch: _Scratch
@@ -206,10 +207,11 @@ class _Limits:
         """
         expected = float(scratch.slope @ scratch.change)
         rise = self._signs * scratch.change[self._which]
+        forces = (barrier - self._forces * rise) / self._slacks
         self._rise = rise
-        self._moves = np.empty_like(rise)
-        given = self._slacks, self._forces, rise, self._moves
-        share, share_of_forces = _find_moves(barrier, keep, *given)
+        self._moves = forces - self._forces
+        share = _longest_share(keep, self._slacks, rise)
+        share_of_forces = _longest_share(keep, self._forces, self._moves)
         return share, share_of_forces, expected
 
     def weigh_barrier(self, barrier: float) -> float:
@@ -224,63 +226,21 @@ class _Limits:
     def take_step(self, share_of_forces: float, barrier: float) -> None:
         """Takes the step that was tried, and keeps the forces near the barrier's."""
         self._slacks = self._tried
-        given = self._slacks, self._moves, self._forces, self._products
-        _move_forces(barrier, share_of_forces, *given)
+        own = barrier / self._slacks
+        forces = self._forces + share_of_forces * self._moves
+        self._forces = np.clip(forces, own / _STIFFEST, own * _STIFFEST)
+        self._products = self._forces * self._slacks
+
+    def _by_place(self, values):
+        """Returns sums of the bounds' values at the places that they bound."""
+        return np.bincount(self._which, values, self._size)
 
 
-@machine_code
-def _push_bounds(which, signs, forces, slope):
-    """Adds the forces of B bounds, the first of all, to a slope at their places."""
-    for k in range(len(which)):
-        place = which[k]
-        slope[place] -= signs[k] * forces[k]
-
-
-@machine_code
-def _curve_bounds(which, signs, slacks, forces, barrier, slope, diagonal):
-    """Adds the barrier function of B bounds to slope and curvature at their places."""
-    for k in range(len(which)):
-        place = which[k]
-        own = barrier / slacks[k]
-        slope[place] -= signs[k] * own
-        diagonal[place] += forces[k] / slacks[k]
-
-
-@machine_code
-def _move_forces(barrier, share, slacks, moves, forces, products):
-    """Moves forces, within a factor of the barrier's; writes their products."""
-    for i in range(len(slacks)):
-        own = barrier / slacks[i]
-        force = forces[i] + share * moves[i]
-        force = max(force, own / _STIFFEST)
-        force = min(force, own * _STIFFEST)
-        forces[i] = force
-        products[i] = force * slacks[i]
-
-
-@machine_code
-def _find_moves(barrier, keep, slacks, forces, rise, moves):
-    """Writes the forces' step beside that of the slacks, their rise.
-
-    Returns:
-        the shares of both steps that leave of all slacks and forces a share keep.
-    """
-    share = 1.0
-    share_of_forces = 1.0
-    for i in range(len(slacks)):
-        slack = slacks[i]
-        force = forces[i]
-        up = rise[i]
-        own = (barrier - force * up) / slack
-        move = own - force
-        moves[i] = move
-        if up < 0.0:
-            longest = -keep * slack / up
-            share = min(share, longest)
-        if move < 0.0:
-            longest = -keep * force / move
-            share_of_forces = min(share_of_forces, longest)
-    return share, share_of_forces
+def _longest_share(keep: float, values: np.ndarray, moves: np.ndarray) -> float:
+    """Returns the share of moves, up to 1, that takes at most `keep` of each value."""
+    falls = moves < 0.0
+    shares = -keep * values[falls] / moves[falls]
+    return float(np.min(shares, initial=1.0))
 
 
 class _Filter:
