@@ -9,6 +9,7 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from glider.errors import show
 from glider.files.schema import parse_yaml
@@ -33,8 +34,8 @@ _PLACE_ROOM = 1e-6
 """Amount by which launch and wire may be off [m, rad, m/s, rad/s]; it is 6e-8 in the
 shipped funnels."""
 
-
 _EDGE = "At the goal's edge,"
+"""Subject of a sentence on what the last set may hold."""
 
 
 def unmet(*checks: tuple[object, str]) -> list[str]:
@@ -184,7 +185,7 @@ def _push_faults(funnel, purpose):
 
 
 def _beyond(
-    subject: str, bound: Bound, values: np.ndarray | float, whose: str, room: float
+    subject: str, bound: Bound, values: ArrayLike, whose: str, room: float
 ) -> list[str]:
     """Returns a sentence where values leave a bound by more than room, if they do."""
     each = np.atleast_1d(values)
