@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.kernel import CompileError, Family, UncompilableError
+from glider.compiled.kernel import CompileError, Family, UncompilableError, machine_code
 from glider.compiled.runge_kutta import BLOCK
 from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
@@ -88,6 +88,154 @@ class Path(NamedTuple):
     defects: np.ndarray
 
 
+@machine_code
+def _place_middles(step, rates, points):
+    """Writes the middles (x_c, u_c) of the cubics between knots.
+
+    x_c = (x₀ + x₁)/2 + h (f₀ - f₁)/8 and u_c = (u₀ + u₁)/2.
+
+    Args:
+        step: h [s].
+        rates: (P, n) f, of which those at the knots are read.
+        points: (P, n + 1) states and commands; the middles are written.
+    """
+    n = rates.shape[1]
+    count = (len(points) + 1) // 2
+    for k in range(count - 1):
+        for i in range(n + 1):
+            points[count + k, i] = 0.5 * (points[k, i] + points[k + 1, i])
+        for i in range(n):
+            points[count + k, i] += 0.125 * step * (rates[k, i] - rates[k + 1, i])
+
+
+@machine_code
+def _find_defects(step, rates, points, defects):
+    """Writes the defects (N - 1, n): x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁).
+
+    They are those of Drake's DirectCollocationConstraint times 2 h/3.
+
+    Returns:
+        the sum of all |defect|.
+    """
+    count = len(defects) + 1
+    total = 0.0
+    for k in range(count - 1):
+        for i in range(rates.shape[1]):
+            slope = rates[k, i] + 4.0 * rates[count + k, i] + rates[k + 1, i]
+            defect = points[k + 1, i] - points[k, i] - step / 6.0 * slope
+            defects[k, i] = defect
+            total += abs(defect)
+    return total
+
+
+@machine_code
+def spread(points, step, moved):
+    """Writes points moved along each axis, forth and back: (2 (n + 1) P, n + 1)."""
+    count, width = points.shape
+    at = 0
+    for axis in range(width):
+        for side in (step, -step):
+            for k in range(count):
+                for i in range(width):
+                    moved[at, i] = points[k, i]
+                moved[at, axis] += side
+                at += 1
+
+
+@machine_code
+def add_difference(rates, factor, slopes):
+    """Adds differences of the rates at points of `spread` to slopes (P, n, n + 1)."""
+    count, n, width = slopes.shape
+    for axis in range(width):
+        forth = 2 * axis * count
+        back = (2 * axis + 1) * count
+        for k in range(count):
+            for i in range(n):
+                rise = rates[forth + k, i] - rates[back + k, i]
+                slopes[k, i, axis] += factor * rise
+
+
+@machine_code
+def _spread_pairs(points, slopes, step, axes, moved):
+    """Writes points moved along each axis, forth and back, and along each two.
+
+    What no slope depends on at any point has no curvature either and is not moved.
+
+    Args:
+        points: (P, n + 1).
+        slopes: (P, n, n + 1) there.
+        step: of the differences.
+        axes: (n + 1,), written: those that are moved, first.
+        moved: (((n + 1)² + 3 (n + 1)) / 2 + 1) P points, written as far as used.
+
+    Returns:
+        how many axes are moved, and how many points are written.
+    """
+    count, width = points.shape
+    number = 0
+    for axis in range(width):
+        matters = False
+        for k in range(count):
+            for i in range(width - 1):
+                if slopes[k, i, axis] != 0.0:
+                    matters = True
+        if matters:
+            axes[number] = axis
+            number += 1
+    at = 0
+    for a in range(-1, number):
+        for b in range(-2, a):
+            # The points themselves, then back and forth, then with each axis before.
+            for k in range(count):
+                for i in range(width):
+                    moved[at, i] = points[k, i]
+                if a >= 0:
+                    moved[at, axes[a]] += -step if b == -2 else step
+                if b >= 0:
+                    moved[at, axes[b]] += step
+                at += 1
+    return number, at
+
+
+@machine_code
+def _difference_twice(rates, weights, step, axes, number, curvature):
+    """Writes ∂²(wᵀẋ)/∂(x, u)² (P, n + 1, n + 1) from rates at `_spread_pairs`.
+
+    Args:
+        rates: at the moved points.
+        weights: (P, n) w.
+        step: of the differences.
+        axes, number: of `_spread_pairs`.
+        curvature: written.
+    """
+    count, n = weights.shape
+    forth = np.empty(n + 1)
+    for k in range(count):
+        for i in range(n + 1):
+            for j in range(n + 1):
+                curvature[k, i, j] = 0.0
+        at = count + k
+        middle = 0.0
+        for i in range(n):
+            middle += weights[k, i] * rates[k, i]
+        for a in range(number):
+            for b in range(-2, a):
+                value = -middle
+                for i in range(n):
+                    value += weights[k, i] * rates[at, i]
+                at += count
+                if b == -2:
+                    back = value
+                elif b == -1:
+                    forth[a] = value
+                    own = axes[a]
+                    curvature[k, own, own] = (forth[a] + back) / (step * step)
+                else:
+                    both = (value - forth[a] - forth[b]) / (step * step)
+                    curvature[k, axes[a], axes[b]] = both
+                    curvature[k, axes[b], axes[a]] = both
+
+
 class PathDynamics:
     """A glider's dynamics along collocated paths on so many knots."""
 
@@ -108,13 +256,10 @@ class PathDynamics:
         most = count * ((n + 1) * (n + 4) // 2 + 1)
         self._moved = np.empty((most, n + 1))
         self._rates = np.empty((most, n))
+        self._axes = np.empty(n + 1, dtype=np.int64)
 
     def collocate(self, w: np.ndarray) -> float:
         """Writes points, rates and defects of knots and h; returns Σ |defect|.
-
-        A middle is (x₀ + x₁)/2 + h (f₀ - f₁)/8, (u₀ + u₁)/2, and a defect
-        x₁ - x₀ - h/6 (f₀ + 4 f_c + f₁): that of Drake's DirectCollocationConstraint
-        times 2 h/3.
 
         Args:
             w: (N (n + 1) + 1,) the knots, one after the other, and h.
@@ -127,20 +272,13 @@ class PathDynamics:
         knots = len(self.path.defects) + 1
         step = w[-1]
         points[:knots] = w[:-1].reshape(knots, -1)
-        first = points[: knots - 1]
-        last = points[1:knots]
         try:
             self._loops.rates_at(points[:knots], self._theta, rates[:knots])
         except CompileError as error:
             raise UncompilableError(str(error)) from None
-        start = rates[: knots - 1]
-        end = rates[1:knots]
-        points[knots:] = 0.5 * (first + last)
-        points[knots:, :-1] += 0.125 * step * (start - end)
+        _place_middles(step, rates, points)
         self._loops.rates_at(points[knots:], self._theta, rates[knots:])
-        slope = start + 4.0 * rates[knots:] + end
-        self.path.defects[:] = (last - first)[:, :-1] - step / 6.0 * slope
-        return float(np.abs(self.path.defects).sum())
+        return _find_defects(step, rates, points, self.path.defects)
 
     def linearize(self, fine: bool) -> None:
         """Writes the slopes at the points of `collocate`.
@@ -150,39 +288,22 @@ class PathDynamics:
         """
         points = self.path.points
         slopes = self.path.slopes
-        count, n, width = slopes.shape
-        moved = self._moved[: 2 * points.size]
-        rates = self._rates[: 2 * points.size]
-        aside = np.array([np.eye(width), -np.eye(width)])[:, :, None]
+        count = 2 * points.size
+        moved = self._moved[:count]
+        rates = self._rates[:count]
         slopes[:] = 0.0
         for step, share in _FINE if fine else _ROUGH:
-            moved[:] = (points + step * aside).reshape(moved.shape)
+            spread(points, step, moved)
             self._loops.rates_at(moved, self._theta, rates)
-            forth, back = rates.reshape(2, width, count, n)
-            rise = (forth - back) * (0.5 * share / step)
-            slopes += rise.transpose(1, 2, 0)
+            add_difference(rates, 0.5 * share / step, slopes)
 
     def curve(self) -> None:
         """Writes the curvature at the points of `linearize`, by the path's weights."""
         path = self.path
-        points = path.points
-        count, width = points.shape
         step = _CURVATURE_STEP
-        # What no slope depends on has no curvature either.
-        axes = np.flatnonzero(path.slopes.any(axis=(0, 1)))
-        unit = step * np.eye(width)[axes]
-        a, b = np.tril_indices(len(axes), -1)
-        aside = np.concatenate([unit, -unit, unit[a] + unit[b], np.zeros((1, width))])
-        moved = self._moved[: len(aside) * count]
-        rates = self._rates[: len(aside) * count]
-        moved[:] = (points + aside[:, None]).reshape(moved.shape)
-        self._loops.rates_at(moved, self._theta, rates)
-        weighed = rates.reshape(len(aside), count, -1) * path.weights
-        values = weighed.sum(axis=2)
-        rises = (values[:-1] - values[-1]) / step**2
-        forth, back, both = np.split(rises, [len(axes), 2 * len(axes)])
-        mixed = both - forth[a] - forth[b]
-        path.curvature[:] = 0.0
-        path.curvature[:, axes, axes] = (forth + back).T
-        path.curvature[:, axes[a], axes[b]] = mixed.T
-        path.curvature[:, axes[b], axes[a]] = mixed.T
+        number, count = _spread_pairs(
+            path.points, path.slopes, step, self._axes, self._moved
+        )
+        rates = self._rates[:count]
+        self._loops.rates_at(self._moved[:count], self._theta, rates)
+        _difference_twice(rates, path.weights, step, self._axes, number, path.curvature)

@@ -79,6 +79,7 @@ def _dot(row, vector):
     return total
 
 
+@machine_code
 def weigh(step, path, multipliers, scratch):
     """Adds what the defects weigh to the Lagrangian's slope.
 
@@ -95,30 +96,48 @@ def weigh(step, path, multipliers, scratch):
     """
     segments, n = multipliers.shape
     count = segments + 1
-    within = slice(count, None)
-    start = path.rates[:segments]
-    end = path.rates[1:count]
-    knots = scratch.lagrangian[:-1].reshape(count, n + 1)
-    pulled = multipliers[:, None] @ path.slopes[within]
-    by_middle_and_step = -2.0 / 3.0 * pulled[:, 0]
-    by_middle = step * by_middle_and_step
-    scratch.by_middle_and_step[:] = by_middle_and_step
-    scratch.by_middle[:] = by_middle
-    knots[:-1] += 0.5 * by_middle
-    knots[1:] += 0.5 * by_middle
-    knots[:-1, :n] -= multipliers
-    knots[1:, :n] += multipliers
-    outer = step / 6.0 * multipliers
-    inner = step / 8.0 * by_middle[:, :n]
+    width = n + 1
+    rates = path.rates
+    slopes = path.slopes
     weights = path.weights
-    weights[:count] = 0.0
-    weights[:segments] += inner - outer
-    weights[1:count] -= inner + outer
-    weights[within] = -4.0 * outer
-    turns = np.vdot(by_middle[:, :n], start - end)
-    slope = start + 4.0 * path.rates[within] + end
-    scratch.lagrangian[-1] += turns / 8.0 - np.vdot(multipliers, slope) / 6.0
-    knots += (weights[:count, None] @ path.slopes[:count])[:, 0]
+    gradient = scratch.lagrangian
+    for k in range(count):
+        for i in range(n):
+            weights[k, i] = 0.0
+    by_step = 0.0
+    for k in range(segments):
+        mu = multipliers[k]
+        within = count + k
+        here = k * width
+        ahead = here + width
+        for j in range(width):
+            total = 0.0
+            for i in range(n):
+                total += slopes[within, i, j] * mu[i]
+            by_middle_and_step = -2.0 / 3.0 * total
+            by_middle = step * by_middle_and_step
+            scratch.by_middle_and_step[k, j] = by_middle_and_step
+            scratch.by_middle[k, j] = by_middle
+            gradient[here + j] += 0.5 * by_middle
+            gradient[ahead + j] += 0.5 * by_middle
+        for i in range(n):
+            gradient[here + i] -= mu[i]
+            gradient[ahead + i] += mu[i]
+            outer = step / 6.0 * mu[i]
+            inner = step / 8.0 * scratch.by_middle[k, i]
+            weights[k, i] += inner - outer
+            weights[k + 1, i] -= inner + outer
+            weights[within, i] = -4.0 * outer
+            slope = rates[k, i] + 4.0 * rates[within, i] + rates[k + 1, i]
+            turn = rates[k, i] - rates[k + 1, i]
+            by_step += scratch.by_middle[k, i] * turn / 8.0 - mu[i] * slope / 6.0
+    gradient[count * width] += by_step
+    for k in range(count):
+        for j in range(width):
+            total = 0.0
+            for i in range(n):
+                total += slopes[k, i, j] * weights[k, i]
+            gradient[k * width + j] += total
 
 
 @inlined_code
