@@ -6,6 +6,7 @@ python examples/close_the_loop.py [CAMPAIGN] [--model FILE]
 import math
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from diagrams.programs import program
 from glider import close_the_loop
@@ -14,8 +15,10 @@ from glider import close_the_loop
 def main(arguments: Sequence[str] | None = None) -> None:
     """Finds what the model of a campaign's glider lacks, and prints it."""
     parser = program.make_parser(__doc__)
-    program.add_campaign(parser)
-    program.add_file(parser, "--model", "where to save the corrected model")
+    words = "folder of flight logs, or the name of a sample (default: %(default)s)"
+    sample = Path("attached_lift")
+    parser.add_argument("campaign", nargs="?", type=Path, default=sample, help=words)
+    parser.add_path("--model", "FILE", "where to save the corrected model")
     args = parser.parse_args(arguments)
     program.check_files(args.model)
 

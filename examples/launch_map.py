@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Plans from each launch, and draws the share that has a plan."""
     parser = program.make_parser(__doc__)
     program.add_launches(parser, 10_000)
-    program.add_file(parser, "--figure", "the map")
+    parser.add_path("--figure", "FILE", "the map")
     args = parser.parse_args(arguments)
     program.check_files(figure=args.figure)
 

@@ -67,6 +67,17 @@ def make_funnels(
     return made
 
 
+def escapes(
+    funnel: funnels.Funnel,
+    samples: int,
+    rng: np.random.Generator,
+    truth: GliderModel | None = None,
+) -> int:
+    """Counts the flights from a funnel's boundary that leave it."""
+    levels = funnels.falsify_funnel(funnel, samples, rng, truth)
+    return int(np.count_nonzero(levels > funnels.ESCAPE_LEVEL))
+
+
 def least_margin(funnel: funnels.Funnel, truth: GliderModel) -> float:
     """Flies a glider as planned, a FunnelMonitor watching it in its Drake diagram.
 
@@ -118,23 +129,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with program.working(f"check and fly the funnel of the {words} model"):
             purpose = funnels.Purpose(problem=PerchingProblem())
             holds = funnels.check_funnel(funnel, purpose=purpose).holds
-            own = funnels.falsify_funnel(funnel, args.samples, rng)
+            own = escapes(funnel, args.samples, rng)
             paths.append(funnels.fly_inside(funnel, 40, rng))
         _, height, pitch, _, speed = funnel.half_widths()[:5]
         print(
             f"{words} model: launch errors of up to {100 * height:.1f} cm in height, "
             f"{np.degrees(pitch):.1f}° in pitch or {speed:.2f} m/s in speed.\n"
-            f"  Its certificate {'holds' if holds else 'DOES NOT HOLD'}; {own.escapes} "
-            f"of {own.samples} flights from its boundary leave it."
+            f"  Its certificate {'holds' if holds else 'DOES NOT HOLD'}; {own} "
+            f"of {args.samples} flights from its boundary leave it."
         )
         try:
-            flown = funnels.falsify_funnel(funnel, args.samples, rng, model=truth)
+            flown = escapes(funnel, args.samples, rng, truth)
             margin = least_margin(funnel, truth)
         except InputError:
             print(f"  {args.truth} lacks states of its model, and is not flown.")
             continue
         print(
-            f"  Flown by {args.truth}, {flown.escapes} of {flown.samples} leave it. "
+            f"  Flown by {args.truth}, {flown} of {args.samples} leave it. "
             f"Launched as planned, its least margin is {margin:.2f}."
         )
 
@@ -145,14 +156,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for path in flown:
                 ax.plot(*path[:, :2].T, color="k", lw=0.5, alpha=0.35)
         figure.savefig(args.figure, dpi=120)
-    nominal = both[-1].nominal
-    shown = {"nominal": nominal.states, "a flight inside": paths[-1][0]}
-    tracks = []
-    for name, states in shown.items():
-        color = None if name == "nominal" else playback.GREY
-        poses = states[:, :4]
-        track = playback.Track(name=name, times=nominal.times, poses=poses, color=color)
-        tracks.append(track)
+    plan_of_funnel = funnels.funnel_policy(both[-1]).plan
+    inside = playback.Track(
+        name="a flight inside",
+        times=plan_of_funnel.times,
+        poses=paths[-1][0, :, :4],
+        color=playback.GREY,
+    )
+    tracks = [playback.track_of("nominal", plan_of_funnel), inside]
     meshcat = program.start_meshcat(args)
     if meshcat is not None:
         draw_tube(meshcat, both[-1])

@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("campaign", type=Path, help="folder of flight logs or sample")
     parser.add_argument("flight", help="one of them, such as flight_003")
     words = "corrected model (default: what closing the loop finds, in a minute)"
-    program.add_file(parser, "--model", words)
+    parser.add_path("--model", "FILE", words)
     args = program.read_options(parser, arguments)
 
     campaign = load_campaign(args.campaign)

@@ -12,7 +12,6 @@ from glider.errors import InputError, expect
 from glider.paths import models_path
 
 if TYPE_CHECKING:
-    from glider.physics.model import GliderModel
     from glider.verification.funnel.funnel import Funnel
     from glider.verification.funnel.settings import FunnelSettings
 
@@ -130,7 +129,7 @@ def run(args: argparse.Namespace) -> int:
     figure = args.out.with_suffix(".svg")
     _write_figure(funnel, figure)
     if args.html:
-        _write_page(funnel, model, args.html)
+        _write_page(funnel, args.html)
     print(_describe(funnel))
     if funnel.is_of_set:
         print(f"It is for every glider of the {describe_set(funnel.allowed)}.")
@@ -196,7 +195,7 @@ def _describe(funnel: "Funnel") -> str:
     return (
         f"A launch may deviate by {100.0 * height:.1f} cm in height, "
         f"{math.degrees(pitch):.1f}° in pitch or {speed:.2f} m/s in speed, one at a "
-        f"time (certified at {funnel.nominal.times.size} times, in "
+        f"time (certified at {funnel.nominal.flows.size + 1} times, in "
         f"{funnel.seconds:.0f} s)."
     )
 
@@ -228,20 +227,16 @@ def _write_figure(funnel: "Funnel", path: Path) -> None:
     figure.savefig(path)
 
 
-def _write_page(funnel: "Funnel", model: "GliderModel", path: Path) -> None:
+def _write_page(funnel: "Funnel", path: Path) -> None:
     """Draws the tube and the nominal flight in Meshcat, and writes its page."""
-    import numpy as np
-
-    from diagrams import playback
+    from diagrams.playback import play, track_of
     from diagrams.programs.page import open_meshcat, page_of
     from diagrams.tube import draw_tube
     from glider.files.writing import write_text
+    from glider.verification.funnel.funnel import funnel_policy
 
-    nominal = funnel.nominal
-    times, kept = np.unique(nominal.times, return_index=True)  # Samples stand twice.
-    poses = nominal.states[kept, :4]
-    track = playback.Track(name="nominal flight", times=times, poses=poses)
+    track = track_of("nominal flight", funnel_policy(funnel, held=True).plan)
     meshcat = open_meshcat()
     draw_tube(meshcat, funnel)
-    playback.play([track], meshcat, parameters=model.parameters)
+    play([track], meshcat, parameters=funnel.nominal.model.parameters)
     write_text(path, page_of(meshcat, [track], f"Funnel of {path.stem}", 0.25))

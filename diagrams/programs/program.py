@@ -13,23 +13,23 @@ if __name__ == "__main__":
 """
 
 import argparse
-import contextlib
 import math
 import os
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from pydrake.geometry import Meshcat
-from rich.console import Console
 
 from diagrams.playback import Track, play, stage_of
 from diagrams.programs.page import open_meshcat, page_of
+from glider.commands.output import working as working
+from glider.commands.parsing import CommandParser
 from glider.errors import (
     INTERRUPTED,
     INTERRUPTED_CODE,
@@ -49,9 +49,9 @@ from glider.simulation.flown_flights import FlownFlight
 # ------------------------------------------------------------------------ options
 
 
-def make_parser(words: str | None) -> argparse.ArgumentParser:
+def make_parser(words: str | None) -> CommandParser:
     """Returns a parser whose help begins with an example's docstring."""
-    return argparse.ArgumentParser(
+    return CommandParser(
         description=words, formatter_class=argparse.RawDescriptionHelpFormatter
     )
 
@@ -71,11 +71,6 @@ def add_count(
     )
 
 
-def add_file(parser: argparse.ArgumentParser, name: str, words: str) -> None:
-    """Adds an option for the name of a file; `words` are its help."""
-    parser.add_argument(name, metavar="FILE", type=Path, help=words)
-
-
 def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) -> None:
     """Adds --launches, by default `count` and not below `least`, and --seed."""
     launches = "how many to fly (default: %(default)s)"
@@ -93,18 +88,8 @@ def add_truth(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def add_campaign(parser: argparse.ArgumentParser) -> None:
-    """Adds a folder of flight logs, by default the first of the samples."""
-    words = "folder of flight logs, or the name of a sample (default: %(default)s)"
-    sample = Path("attached_lift")
-    parser.add_argument("campaign", nargs="?", type=Path, default=sample, help=words)
-
-
 def read_options(
-    parser: argparse.ArgumentParser,
-    arguments: Sequence[str] | None,
-    *,
-    figure: str | None = None,
+    parser: CommandParser, arguments: Sequence[str] | None, *, figure: str | None = None
 ) -> argparse.Namespace:
     """Adds --html, --rate and --headless; reads all options and checks the files.
 
@@ -120,7 +105,7 @@ def read_options(
     if figure is not None:
         files["--figure"] = figure
     for name, words in files.items():
-        add_file(parser, name, words)
+        parser.add_path(name, "FILE", words)
     words = "of the animation: 1 is real time, 0.25 (the default) four times slower"
     parser.add_argument("--rate", metavar="R", type=_rate, default=0.25, help=words)
     words = "without --html show no animation"
@@ -178,19 +163,6 @@ def check_files(*files: Path | None, figure: Path | None = None) -> None:
         )
 
 
-# ---------------------------------------------------------------- while it is done
-
-
-@contextlib.contextmanager
-def working(words: str) -> Iterator[Progress]:
-    """Shows on the terminal what is being done, `words` first, and yields a Progress.
-
-    On stderr, so that stdout holds results only.
-    """
-    with Console(stderr=True).status(words) as status:
-        yield status.update
-
-
 # --------------------------------------------------------------------- and after it
 
 
@@ -199,17 +171,17 @@ def plot_perches(
     plan: Plan,
     flown: Iterable[FlownFlight],
     replayed: Iterable[FlownFlight] = (),
-    wire: tuple[float, float] = (0.0, 0.0),
     color: str = "#0072B2",
 ) -> None:
     """Draws paths to the wire in the vertical plane, one scale on both axes.
+
+    A ring shows the reach of the article's hook.
 
     Args:
         ax: to draw into.
         plan: that the flights follow.
         flown: flights with feedback.
         replayed: flights without.
-        wire: (x, z) [m]; a ring shows the reach of the article's hook.
         color: of the flights with feedback.
     """
     groups = (
@@ -224,7 +196,7 @@ def plot_perches(
     ax.plot(*plan.states[:, :2].T, color="k", lw=1.8, ls=(0, (4, 2)), label="plan")
     angle = np.linspace(0.0, 2.0 * np.pi, 60)
     reach = Hook().reach
-    ring = np.array(wire)[:, None] + reach * np.array([np.cos(angle), np.sin(angle)])
+    ring = reach * np.cos(angle), reach * np.sin(angle)
     ax.plot(*ring, color="k", lw=1.0, label=f"{100 * reach:.0f} cm of the wire")
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xlabel="x [m]", ylabel="z [m]")

@@ -26,7 +26,7 @@ SHOWN = "figure"
 def read_options(words: str | None, arguments: Sequence[str] | None) -> Path | None:
     """Reads the command line of a lesson; returns the picture to write, if any."""
     parser = program.make_parser(words)
-    program.add_file(parser, "--figure", "picture to write, for example lesson.png")
+    parser.add_path("--figure", "FILE", "picture to write, for example lesson.png")
     args = parser.parse_args(arguments)
     program.check_files(figure=args.figure)
     return args.figure

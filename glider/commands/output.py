@@ -32,10 +32,13 @@ def output() -> Iterator["Console"]:
 
 
 @contextmanager
-def working(*, is_even: bool = False) -> Iterator[Progress]:
+def working(
+    words: str = "starting ...", *, is_even: bool = False
+) -> Iterator[Progress]:
     """Shows on a terminal what is being done, the share that is done, and the time.
 
     Args:
+        words: shown first.
         is_even: equal shares take equal times, so that the rest can be estimated.
     """
     from rich import progress
@@ -52,7 +55,7 @@ def working(*, is_even: bool = False) -> Iterator[Progress]:
         disable=not console.is_interactive,
         transient=True,
     ) as bar:
-        task = bar.add_task("starting ...", total=None)
+        task = bar.add_task(words, total=None)
 
         def follow(text: str) -> None:
             bar.update(task, description=f"{text} ...")

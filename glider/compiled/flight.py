@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from glider.compiled.kernel import Family
 from glider.compiled.runge_kutta import BLOCK, advance_block, put
-from glider.physics.chain import demanded_angle, derivatives, theta_of
+from glider.physics.chain import demanded_angle, derivatives
 from glider.physics.model import GliderModel
 from glider.physics.servo import NO_LIMITS, Servo, limited_rate, rate_bounds
 
@@ -72,25 +72,6 @@ def slopes_guided(t, node, work, data):
     slopes_held(t, node, work, (False, servo, theta))
 
 
-def slopes_apart(t, node, work, data):
-    """Writes the derivatives of gliders that differ, see `flights`."""
-    k, first, feedback, servo, gaussians, own = data
-    numbers, wind, pace = own
-    n = work.shape[0] - 1
-    if feedback.hold == 0:
-        _feed_back(2 * k + node, first, feedback, work)
-    for j in range(BLOCK):
-        glider = min(first + j, pace.shape[0] - 1)
-        theta = theta_of(numbers[min(glider, numbers.shape[0] - 1)], gaussians)
-        x = work[:, 0, j]
-        rate = limited_rate(work[n, 1, j], demanded_angle(x, theta.c), servo)
-        wind_x = wind[glider, 0]
-        wind_z = wind[glider, 1]
-        d = derivatives(pace[glider] * t, x, rate, wind_x, wind_z, theta)
-        for i in range(len(d)):
-            work[i, 1, j] = pace[glider] * d[i]
-
-
 def _approach(wire, before, work, nearest, arrival):
     """Lowers the least squared distances from the wire by one segment of the path.
 
@@ -117,7 +98,7 @@ def _approach(wire, before, work, nearest, arrival):
                 arrival[i, j] = before[i, j] + share * (work[i, 0, j] - before[i, j])
 
 
-def flights(start, steps, feedback, servo, wire, theta, own, found):
+def flights(start, steps, feedback, servo, wire, theta, found):
     """Flies a batch of gliders.
 
     Args:
@@ -126,9 +107,7 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
         feedback: see `Feedback`.
         servo: its limits.
         wire: (x, z) [m].
-        theta: the gliders' numbers.
-        own: how they differ, see `fly_batch`: numbers (B, P) or (1, P), wind (B, 2) and
-            pace (B,); or None.
+        theta: the glider's numbers.
         found: written, see `Flown`.
     """
     batch = found.states.shape[0]
@@ -163,10 +142,7 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
                         work[n, 1, j] = min(max(work[n, 1, j], low), high)
             step = steps.length
             t = step * k
-            if own is not None:
-                apart = (k, first, feedback, servo, theta.gaussians, own)
-                advance_block(slopes_apart, t, work, step, steps.order, apart)
-            elif hold > 0:
+            if hold > 0:
                 held = (feedback.cut, servo, theta)
                 advance_block(slopes_held, t, work, step, steps.order, held)
             else:
@@ -187,10 +163,7 @@ def flights(start, steps, feedback, servo, wire, theta, own, found):
                     found.arrivals[first + j, i] = arrival[i, j]
 
 
-LOOPS = Family(
-    (_feed_back, slopes_held, slopes_guided, slopes_apart, _approach, flights),
-    (flights,),
-)
+LOOPS = Family((_feed_back, slopes_held, slopes_guided, _approach, flights), (flights,))
 
 
 class Steps(NamedTuple):
@@ -219,8 +192,8 @@ class Feedback(NamedTuple):
             each command [rad/s].
         gain: (G, 2 N + 1, m) or (G, H, m); the first m states are fed back.
         hold: number of steps that a command is held; 0 where it follows at once.
-        cut: whether a command is cut to what the servo follows while it is held (of
-            gliders that are alike); if not, the servo limits it at each moment.
+        cut: whether a command is cut to what the servo follows while it is held; if
+            not, the servo limits it at each moment.
     """
 
     offset: np.ndarray
@@ -275,11 +248,8 @@ def fly_batch(
     *,
     servo: Servo | None = None,
     wire: Sequence[float] | None = None,
-    numbers: np.ndarray | None = None,
-    wind: np.ndarray | None = None,
-    pace: np.ndarray | None = None,
 ) -> Flown:
-    """Flies launches of a glider, or of several that differ from it.
+    """Flies launches of a glider.
 
     Args:
         model: the glider.
@@ -288,10 +258,6 @@ def fly_batch(
         feedback: over these steps.
         servo: its limits; None for the model's.
         wire: (x, z) [m]; None where no distance is asked for.
-        numbers: of each glider, (B, P) or (1, P) as in `GliderModel.vector`; None if
-            they are alike, in still air.
-        wind: with numbers: (B, 2) beyond the model's own [m/s].
-        pace: with numbers: (B,) its own time that passes in a second of the loop.
     """
     n = starts.shape[1]
     batch = len(feedback.offset) if len(starts) == 1 else len(starts)
@@ -301,11 +267,6 @@ def fly_batch(
         miss=np.empty(passing),
         arrivals=np.empty((passing, n)),
     )
-    own = None
-    if numbers is not None:
-        wind = np.zeros((batch, 2)) if wind is None else wind
-        pace = np.ones(batch) if pace is None else pace
-        own = numbers, wind, pace
     x, z = (0.0, 0.0) if wire is None else wire
     offset = np.ascontiguousarray(feedback.offset)
     gain = np.ascontiguousarray(feedback.gain)
@@ -316,7 +277,6 @@ def fly_batch(
         model.parameters.servo if servo is None else servo,
         (float(x), float(z)),
         model.numbers,
-        own,
         found,
     )
     return found

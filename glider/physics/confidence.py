@@ -58,15 +58,6 @@ def _bounds(
     return lower, upper
 
 
-def numbers_at(
-    model: GliderModel, names: tuple[str, ...], deviations: np.ndarray
-) -> np.ndarray:
-    """Returns all numbers (B, P) of gliders that deviate from a model by (B, m)."""
-    numbers = np.tile(model.vector, (len(deviations), 1))
-    numbers[:, model.space.places(names)] += deviations
-    return numbers
-
-
 def theta_at(
     model: GliderModel, names: tuple[str, ...], deviations: Iterable[Any]
 ) -> Theta:

@@ -346,16 +346,13 @@ def _load(
     return _parse(text, str(path), own_effects)
 
 
-def parse_model(
-    text: str, source: str, own_effects: Sequence[EffectKind] = ()
-) -> tuple[GliderModel, Covariance | None]:
-    """Returns the model in a text and its covariance, or None.
+def parse_model(text: str, source: str) -> GliderModel:
+    """Returns the model in a text.
 
     Raises:
         InputError: the text is no model's, with the source before it.
     """
-    model, file = _parse(text, source, own_effects)
-    return model, file.covariance
+    return _parse(text, source, ())[0]
 
 
 def _parse(

@@ -1,8 +1,7 @@
 """Plans a perch by direct collocation: first on few knots, then on more.
 
 Our own solver takes the meshes one by one. Where it does not get there, Drake's
-DirectCollocation is solved once. The plan records what was tried, and by how much the
-path that was found misses the dynamics.
+DirectCollocation is solved once. The plan records what was tried.
 """
 
 import contextlib
@@ -24,7 +23,7 @@ from glider.planning.constraints import (
     find_violations,
 )
 from glider.planning.guess import Guess, straight_line
-from glider.planning.path import POINTS, Path
+from glider.planning.path import Path
 from glider.planning.plan import Attempt, Plan
 from glider.planning.problem import PerchingProblem
 from glider.planning.program import perching_program
@@ -216,7 +215,5 @@ def _make_plan(path: Path, cost: float, attempts: list[Attempt]) -> Plan:
         inputs=path.inputs.copy(),
         state_names=path.model.state_names,
         cost=cost,
-        max_defect=float(path.faults[POINTS // 2].max()),
-        path_defect=float(path.faults.max()),
         attempts=tuple(attempts),
     )

@@ -37,15 +37,7 @@ class Plan:
             held.
         state_names: STATE_NAMES, then the effects' own states.
         cost: that the planner minimized.
-        gains: (N - 1, n) of the planner's own feedback, where it has one: u_k =
-            inputs[k] + gains[k] (x - states[k]); zero where the command is at a limit.
-        costs: before the first and after each iteration, where the planner iterates.
-        converged: whether the planner stopped because nothing more was to be gained.
-        max_defect: largest |ẋ - f(x, u)| at the collocation points [m/s, rad/s, m/s²,
-            rad/s²]; None where the plan is a flight already.
-        path_defect: the same anywhere between the knots.
         attempts: calls of a solver, the last one with success.
-        search_seconds: time of a planner that does not make attempts [s].
     """
 
     times: np.ndarray
@@ -54,13 +46,7 @@ class Plan:
     inputs: np.ndarray
     state_names: tuple[str, ...]
     cost: float
-    gains: np.ndarray | None = None
-    costs: tuple[float, ...] = ()
-    converged: bool = True
-    max_defect: float | None = None
-    path_defect: float | None = None
     attempts: tuple[Attempt, ...] = ()
-    search_seconds: float = 0.0
 
     def __repr__(self) -> str:
         """Returns one line, as a notebook shows it."""
@@ -81,7 +67,7 @@ class Plan:
     @property
     def seconds(self) -> float:
         """Time that planning took [s]."""
-        return self.search_seconds + sum(attempt.seconds for attempt in self.attempts)
+        return sum(attempt.seconds for attempt in self.attempts)
 
     @property
     def is_held(self) -> bool:

@@ -217,10 +217,6 @@ class Flights:
     ends: np.ndarray  #: (B, n) the last states, as if there were no hook.
     #: (B, N + 1, n) all states, if asked for, as if there were no hook.
     paths: np.ndarray | None = None
-    #: (H,) when each command began [s], where commands are held.
-    command_times: np.ndarray | None = None
-    #: (B, H) elevator rates, within the rate limit [rad/s], with paths.
-    commands: np.ndarray | None = None
 
     @property
     def perched(self) -> np.ndarray:

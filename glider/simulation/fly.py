@@ -119,7 +119,7 @@ def fly(
             command follows the state at once.
         step: longest step [s]; divided where the effects' own states ask for it.
         after: how long the flights go on after the plan [s].
-        keep_paths: whether to return all states, and held commands.
+        keep_paths: whether to return all states.
 
     Raises:
         InputError: what is given does not fit together.
@@ -140,12 +140,6 @@ def fly(
         feedback = make_feedback(policy.sample, steps)
     flown = fly_batch(model, starts, steps, feedback, wire=problem.wire)
     states = flown.states
-    commands = None
-    if keep_paths and clock.hold:
-        begins = states[:, : -1 : clock.hold, : gain.shape[2]]
-        wanted = offset - np.sum(gain * begins, axis=2)
-        fastest = model.parameters.servo.rate
-        commands = np.clip(wanted, -fastest, fastest)
     return Flights(
         times=np.arange(clock.steps + 1) * clock.step,
         miss=flown.miss,
@@ -153,8 +147,6 @@ def fly(
         problem=problem,
         ends=states[:, -1].copy(),
         paths=states if keep_paths else None,
-        command_times=sampled if clock.hold else None,
-        commands=commands,
     )
 
 
@@ -200,4 +192,4 @@ def sweep(
         name: np.concatenate([getattr(chunk, name) for chunk in chunks])
         for name in ("miss", "arrivals", "ends")
     }
-    return dataclasses.replace(chunks[0], **joined, paths=None, commands=None)
+    return dataclasses.replace(chunks[0], **joined, paths=None)

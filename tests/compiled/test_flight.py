@@ -1,26 +1,18 @@
-"""The loop that flies gliders: tables, gliders that differ, states that are kept."""
+"""The loop that flies gliders: its steps, tables, states that are kept."""
 
 import numpy as np
 import pytest
 
 from glider.compiled.flight import Feedback, Steps, fly_batch, make_feedback, make_tape
 from glider.compiled.runge_kutta import BLOCK
-from glider.physics.confidence import glider_at, numbers_at
 from glider.physics.effects import PROFILE_DRAG
 from glider.physics.model import GliderModel
 from tests.helpers.physics import random_states
 from tests.helpers.second_flight import advance, rates_of
 
 MODEL = GliderModel(effects=(PROFILE_DRAG(cd0=0.02),))
-NAMES = ("mass", "profile_drag.cd0")
 COUNT = BLOCK + 3
 STEPS = Steps(8, 0.004)
-
-
-@pytest.fixture(scope="module")
-def deviations():
-    rng = np.random.default_rng(1)
-    return rng.uniform(-1.0, 1.0, (COUNT, 2)) * [0.02, 0.01]
 
 
 def table_of_each(rng, hold):
@@ -31,47 +23,37 @@ def table_of_each(rng, hold):
 
 
 @pytest.mark.parametrize("order", [1, 4])
-def test_gliders_that_differ_fly_in_their_own_wind_and_time(deviations, order):
-    """Against NumPy's steps, and with the numbers of each."""
+def test_gliders_fly_as_with_steps_of_numpy(order):
     rng = np.random.default_rng(2)
     states = random_states(COUNT)
     command = rng.uniform(-20.0, 20.0, COUNT)
-    wind = rng.normal(size=(COUNT, 2))
-    pace = rng.uniform(0.0, 2.0, COUNT)
     flown = fly_batch(
         MODEL,
         states,
         STEPS._replace(order=order),
         make_tape(command[:, None], STEPS.number),
-        numbers=numbers_at(MODEL, NAMES, deviations),
-        wind=wind,
-        pace=pace,
     ).states
     for j in range(COUNT):
-        own = glider_at(MODEL, NAMES, deviations[j])
         x = states[[j]]
 
-        def rates(y, since, own=own, j=j):
-            return rates_of(own, y, command[[j]], wind[[j]])
+        def rates(y, since, j=j):
+            return rates_of(MODEL, y, command[[j]])
 
         for k in range(STEPS.number):
-            step = pace[j] * STEPS.length
+            step = STEPS.length
             x = advance(rates, x, step) if order == 4 else x + step * rates(x, 0.0)
             np.testing.assert_allclose(flown[j, k + 1], x[0], rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("hold", [0, 3])
-@pytest.mark.parametrize("differs", [False, True])
-def test_each_glider_follows_its_own_table(deviations, hold, differs):
+def test_each_glider_follows_its_own_table(hold):
     """As it does alone."""
     states = random_states(COUNT)
     feedback = table_of_each(np.random.default_rng(3), hold)
-    numbers = numbers_at(MODEL, NAMES, deviations) if differs else None
-    many = fly_batch(MODEL, states, STEPS, feedback, numbers=numbers).states
+    many = fly_batch(MODEL, states, STEPS, feedback).states
     for j in (0, BLOCK - 1, BLOCK, COUNT - 1):
-        model = glider_at(MODEL, NAMES, deviations[j]) if differs else MODEL
         alone = feedback._replace(offset=feedback.offset[[j]], gain=feedback.gain[[j]])
-        one = fly_batch(model, states[[j]], STEPS, alone).states
+        one = fly_batch(MODEL, states[[j]], STEPS, alone).states
         np.testing.assert_allclose(many[j], one[0], rtol=1e-9, atol=1e-9)
     assert np.ptp(many[:, -1, 3]) > 0.05
 

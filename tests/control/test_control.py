@@ -113,8 +113,6 @@ def test_over_a_long_steady_flight_it_is_the_infinite_horizon_lqr():
         inputs=np.zeros(2),
         state_names=NOMINAL.state_names,
         cost=0.0,
-        max_defect=0.0,
-        path_defect=0.0,
     )
     twin = GliderPlant(NOMINAL).ToAutoDiffXd()
     context = twin.CreateDefaultContext()

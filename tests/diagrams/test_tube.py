@@ -18,7 +18,10 @@ def funnel():
 def test_the_tube_is_as_wide_as_the_sets_and_no_wider(funnel):
     """Of states that move across the path, the farthest in a set is at the radius."""
     times = np.linspace(*funnel.nominal.times[[0, -1]], 12)
-    normals, radii = tube_of(funnel, times)
+    positions, across = tube_of(funnel, times)
+    np.testing.assert_array_equal(positions, funnel.center(times)[:, :2])
+    radii = np.linalg.norm(across, axis=1)
+    normals = across / radii[:, None]
     rates = funnel.nominal.path(times, 1)[:, :2]
     np.testing.assert_allclose(np.sum(normals * rates, axis=1), 0.0, atol=1e-9)
     rng = np.random.default_rng(0)
@@ -38,8 +41,9 @@ def test_figure_and_meshcat_show_it(funnel):
     axes = Figure().subplots()
     plot_tube(axes, funnel)
     low, high = axes.dataLim.intervaly
-    _, radii = tube_of(funnel, funnel.nominal.times[:1])
-    assert low < funnel.nominal.states[0, 1] - 0.9 * radii[0] < high
+    _, [across, *_] = tube_of(funnel, funnel.nominal.times)
+    radius = np.linalg.norm(across)
+    assert low < funnel.nominal.states[0, 1] - 0.9 * radius < high
     meshcat = open_meshcat()
     draw_tube(meshcat, funnel)
     assert meshcat.HasPath("/funnel")

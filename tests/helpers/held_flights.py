@@ -5,12 +5,13 @@ import math
 
 import numpy as np
 
-from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.control.predictor import STEP, Hold, held_command, policy_command
-from glider.physics.confidence import numbers_at
+from glider.physics.confidence import theta_at
+from glider.verification.dynamics.nominal import hermite_path
 from glider.verification.funnel.funnel import Funnel, funnel_policy
 from glider.verification.sos.sphere import normalized
-from glider.verification.trials import ESCAPE_LEVEL, _boundary_states
+from glider.verification.trials import ESCAPE_LEVEL, boundary_states
+from tests.helpers.second_flight import advance, rates_of
 
 _FRESH = 1e-3
 """Push by which the direction where V rises fastest is found [m/s, rad/s]."""
@@ -35,7 +36,7 @@ class Launches:
         deviations = allowed.on_boundary(turns)
         wind = normalized(rng.normal(size=(count, 2)))
         return cls(
-            states=_boundary_states(funnel, 0, directions, deviations),
+            states=boundary_states(funnel, 0, directions),
             deviations=deviations,
             wind=pushes.get("wind", 0.0) * wind,
             error=pushes.get("error", 0.0) * np.sign(wind[:, 0]),
@@ -55,7 +56,9 @@ class HeldFlights:
         self._policy = funnel_policy(funnel, held=True)
         names = funnel.allowed.names
         model = funnel.nominal.model
-        self._numbers = numbers_at(model, names, launches.deviations)
+        self._theta = theta_at(model, names, launches.deviations.T)
+        gliders = funnel.gliders
+        self._centers = hermite_path(gliders.times, gliders.shifts, gliders.slopes)
         self.states = launches.states
         self.time = 0.0
         self.largest = np.zeros(len(self.states))
@@ -92,26 +95,32 @@ class HeldFlights:
 
     def _level(self):
         time = np.full(len(self.states), self.time)
-        V = self._funnel.level(time, self.states, self._given.deviations)
+        V = self._funnel.level(time, self.states - self._moved())
         return np.where(np.isfinite(V), V, np.inf)
+
+    def _moved(self):
+        """Returns how far the centers of the gliders are from the nominal flight."""
+        end = self._funnel.nominal.times[-1]
+        X = self._centers(min(self.time, end))
+        return np.einsum("nm,bm->bn", X, self._given.deviations)
 
     def _step(self, duration, command, wind, order=4):
         """Returns states (B, n) one step [s] later."""
-        flown = fly_batch(
-            self._funnel.nominal.model,
-            self.states,
-            Steps(1, duration, order),
-            make_tape(command[:, None]),
-            numbers=self._numbers,
-            wind=wind,
-        )
-        return flown.states[:, 1]
+        model = self._funnel.nominal.model
+
+        def rates(states, since):
+            return rates_of(model, states, command, wind, self._theta)
+
+        if order == 1:
+            return self.states + duration * rates(self.states, 0.0)
+        return advance(rates, self.states, duration)
 
     def _pushes(self, command):
         """Returns error (B,) and wind (B, 2): steady, or where V rises fastest."""
         given = self._given
         funnel = self._funnel
-        deviation = funnel.error(self.time, self.states, given.deviations)
+        center = funnel.center(self.time) + self._moved()
+        deviation = self.states - center
         pull = deviation @ funnel.shape(self.time)
         slopes = []
         for push in _FRESH * np.eye(3):

@@ -18,10 +18,12 @@ class HeldPolicy:
     taken to be as planned. After the plan the elevator stands still.
 
     Attributes:
-        plan: the plan; without gains its commands are given as they are.
+        plan: the plan.
+        gains: (N - 1, n); None for the plan's commands as they are.
     """
 
     plan: Plan
+    gains: np.ndarray | None = None
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -48,8 +50,8 @@ class HeldPolicy:
         knot = latest_command(self.plan.times, times)
         flown = np.flatnonzero(knot < len(self.plan.inputs))
         knot = knot[flown]
-        if self.plan.gains is not None:
-            gain[flown] = -self.plan.gains[knot, :NUM_STATES]
+        if self.gains is not None:
+            gain[flown] = -self.gains[knot, :NUM_STATES]
         nominal = self.plan.states[knot, :NUM_STATES]
         offset[flown] = self.plan.inputs[knot] + np.sum(gain[flown] * nominal, axis=1)
         return offset, gain

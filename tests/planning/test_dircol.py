@@ -70,24 +70,13 @@ def test_a_plan_is_a_flight_of_an_independent_glider(article_plan):
     assert np.hypot(*flight.y[:2, -1]) < 0.002
 
 
-def test_defects_are_seen_between_the_knots(article_plan):
-    """Collocation points are met; between them a finer mesh comes closer."""
-    assert article_plan.max_defect < 1e-5
-    coarse = plan(GliderModel(), PerchingProblem(), knots=(15,))
-    assert coarse.max_defect < 1e-5
-    assert coarse.path_defect > 10.0 * article_plan.path_defect
-
-
 @pytest.mark.parametrize("knot", [1, 20, 39], ids=["early", "middle", "late"])
-def test_a_shifted_knot_shows_in_the_faults_of_the_path(article_plan, knot):
-    """A cubic that makes up 1 cm in h is at most 1.5 / h times 1 cm too fast."""
+def test_a_shifted_knot_shows_in_the_defects_of_the_path(article_plan, knot):
     states = article_plan.states.copy()
+    parts = states, article_plan.inputs
+    assert Path(GliderModel(), article_plan.times, *parts).defects.max() < 1e-6
     states[knot, 0] += 0.01
-    path = Path(GliderModel(), article_plan.times, states, article_plan.inputs)
-    faults = path.faults.max(axis=(0, 1))
-    expected = 1.5 * 0.01 / article_plan.times[1]
-    assert faults[0] == pytest.approx(expected, rel=0.05)
-    assert np.all(np.isfinite(faults))
+    path = Path(GliderModel(), article_plan.times, *parts)
     assert path.defects[:, 0].max() == pytest.approx(0.01, rel=0.05)
 
 
@@ -97,7 +86,7 @@ def test_a_path_in_plain_python_is_the_compiled_one(article_plan):
     parts = article_plan.times, states, article_plan.inputs
     fast, plain = (Path(model, *parts, fast=fast) for fast in (True, False))
     np.testing.assert_allclose(fast.slopes, plain.slopes, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(fast.faults, plain.faults, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(fast.defects, plain.defects, rtol=1e-9, atol=1e-9)
 
 
 def test_the_trajectories_pass_through_the_knots(article_plan):
@@ -201,7 +190,6 @@ def test_where_our_own_solver_fails_drake_s_finds_the_plan(monkeypatch, article_
     ]
     assert found.cost == pytest.approx(article_plan.cost, rel=1e-7)
     np.testing.assert_allclose(article_plan.states, found.states, atol=1e-3)
-    assert article_plan.path_defect == pytest.approx(found.path_defect, rel=1e-2)
 
 
 @pytest.mark.slow

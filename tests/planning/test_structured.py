@@ -224,7 +224,6 @@ def test_a_formula_that_does_not_compile_goes_to_drake(monkeypatch):
     found = plan(MODEL, PROBLEM, knots=(5,))
     assert [a.solver for a in found.attempts] == ["SNOPT"]
     assert found.cost == pytest.approx(reference.cost, rel=1e-7)
-    assert found.max_defect < 1e-4
 
 
 def test_only_the_dynamics_are_compiled_for_other_effects():

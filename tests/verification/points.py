@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from glider.verification.dynamics.moving_center import make_moving_center
+from glider.verification.dynamics.nominal import hermite_path
 from glider.verification.funnel.remainder import _remainder_of
 from glider.verification.sos.sphere import normalized
 
@@ -23,6 +24,12 @@ def sphere_values(tables, coefficients, z):
 def of_one(funnel):
     """Returns a funnel as one of the estimated glider alone."""
     return dataclasses.replace(funnel, gliders=make_moving_center(funnel.nominal))
+
+
+def center_at(center, times, deviations):
+    """Returns X δ (..., n) of a moving center at times (...), for δ (..., m)."""
+    X = hermite_path(center.times, center.shifts, center.slopes)(times)
+    return np.einsum("...nm,...m->...n", X, deviations)
 
 
 def remainder_of_one(nominal, at, errors, **given):

@@ -84,7 +84,7 @@ def test_the_command_line_asks_whether_the_hook_takes_the_last_set(capsys):
     assert json.loads(capsys.readouterr().out)["hook_takes_all"] is False
     assert main(["check-funnel", other, *few]) == 1
     words = capsys.readouterr().out
-    assert "pitches from -85.9° to -28.6°; the hook accepts -67.0° to -20.1°." in words
+    assert "pitch = -1.5 rad; the hook accepts -1.17 to -0.35." in words
     assert "The certificate does not hold: 3 faults." in words
 
 

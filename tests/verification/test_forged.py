@@ -234,7 +234,7 @@ def test_another_problem_and_glider_are_refused(source, tmp_path, capsys):
     problem.write_text("wire: [0.1, 0.0]\n")
     command = ["check-funnel", str(source), *FEW]
     assert main([*command, "--problem", str(problem)]) == 1
-    assert "0.15 m from the wire" in capsys.readouterr().out
+    assert "distance from the wire = 0.15 m" in capsys.readouterr().out
     model = str(models_path("truths", "head_wind.yaml"))
     assert main([*command, "--model", model]) == 1
     assert "'effects' of its model is []; expected" in capsys.readouterr().out

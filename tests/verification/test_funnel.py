@@ -18,7 +18,7 @@ from glider.verification.funnel.funnel import load_funnel, save_funnel
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.purpose import hook_faults
-from glider.verification.trials import _boundary_states, falsify_funnel
+from glider.verification.trials import ESCAPE_LEVEL, boundary_states, falsify_funnel
 from tests.verification.points import sphere_points
 
 
@@ -68,7 +68,7 @@ def test_what_is_no_funnel_is_an_input_error(funnel, tmp_path):
 def test_the_monitor_tells_inside_from_outside_in_a_diagram(funnel):
     k = 60
     center = funnel.nominal.states[k]
-    step = _boundary_states(funnel, k, sphere_points(1, 7))[0] - center
+    step = boundary_states(funnel, k, sphere_points(1, 7))[0] - center
     for share, inside in ((0.0, 1.0), (0.9, 1.0), (1.1, 0.0)):
         builder = DiagramBuilder()
         source = builder.AddSystem(ConstantVectorSource(center + share * step))
@@ -103,5 +103,5 @@ def test_a_funnel_is_made_from_a_feedback(short):
     verdict = check_funnel(short, every=4)
     assert verdict.holds, verdict.faults
     assert short.beta[:, 4:].max() > 0.0
-    trial = falsify_funnel(short, 200, np.random.default_rng(0))
-    assert trial.escapes == 0
+    levels = falsify_funnel(short, 200, np.random.default_rng(0))
+    assert levels.max() <= ESCAPE_LEVEL

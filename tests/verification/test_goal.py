@@ -95,9 +95,15 @@ def test_the_hook_takes_the_last_set_of_the_funnels_that_ship(name, height):
     ("hook", "words"),
     [
         (Hook(reach=0.049), "0.049"),
-        (Hook(speed_limit=2.7), "speeds of up to 2.8 m/s; the hook accepts up to 2.7"),
-        (Hook(pitch_limits=[-1.1, -0.35]), "-67.0° to -30.4°; the hook accepts -63.0°"),
-        (Hook(pitch_limits=[-1.17, -0.6]), "-67.0° to -30.4°; the hook accepts -67.0°"),
+        (Hook(speed_limit=2.7), "speed = 2.8 m/s; the hook accepts 0 to 2.7"),
+        (
+            Hook(pitch_limits=[-1.1, -0.35]),
+            "pitch = -1.17 rad; the hook accepts -1.1 to",
+        ),
+        (
+            Hook(pitch_limits=[-1.17, -0.6]),
+            "pitch = -0.530001 rad; the hook accepts -1.17 to",
+        ),
     ],
 )
 def test_what_a_hook_does_not_take_is_said(held, hook, words):

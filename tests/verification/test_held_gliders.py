@@ -21,7 +21,7 @@ from glider.verification.sos.forms import to_ball
 from tests.helpers.held_flights import HeldFlights, Launches
 from tests.helpers.second_flight import advance, rates_of
 from tests.verification.clocked import ERROR, WIND, part
-from tests.verification.points import of_one, sphere_points
+from tests.verification.points import center_at, of_one, sphere_points
 from tests.verification.test_gliders import NAMES, allowed_by, among
 
 # ---------------------------------------------------------------------- sets of gliders
@@ -84,7 +84,7 @@ def test_centers_of_held_commands_are_where_the_gliders_fly(clocked_set):
     assert half == pytest.approx(0.25 * whole, rel=0.1)
     assert whole < 0.05 * np.abs(center.shifts[starts] @ delta).max()
     at = nominal.times[20:30:3]
-    found = center.at(at, np.tile(delta, (len(at), 1)))
+    found = center_at(center, at, np.tile(delta, (len(at), 1)))
     np.testing.assert_allclose(found, center.shifts[20:30:3] @ delta)
 
 
@@ -147,7 +147,7 @@ def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
     assert rate == pytest.approx(allowed.reach(piece.gliders.commands[0]))
     found = [
         np.abs(
-            piece.gliders.at(np.full(300, t), deltas)[:, ELEVATOR]
+            center_at(piece.gliders, np.full(300, t), deltas)[:, ELEVATOR]
             + STOPPING_TIME * deltas @ piece.gliders.commands[0]
         ).max()
         for t in np.linspace(start, stop, 20)

@@ -34,7 +34,7 @@ from glider.verification.proof.interval import (
 )
 from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.sos.exact import exact
-from tests.verification.points import of_one
+from tests.verification.points import center_at, of_one
 
 AT = 120
 
@@ -123,7 +123,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel):
     share = (times - start) / (stop - start)
     K = (1.0 - share)[:, None] * piece.nominal.gains[0]
     K = K + share[:, None] * piece.nominal.gains[1]
-    moved = piece.gliders.at(times, deltas)
+    moved = center_at(piece.gliders, times, deltas)
     commands = -np.sum(K * moved, axis=1)
     travels = moved[:, ELEVATOR] + STOPPING_TIME * commands
     bounds = _centers_reach(piece, exact(stop) - exact(start))
@@ -142,7 +142,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel):
     remainder = make_remainder(piece, basis)
     inputs = monomials(remainder.dimension, ORDER).values(points.T) @ remainder.inputs.T
     centers = piece.nominal.path(times)
-    moved = [piece.gliders.at(t, d) for t, d in zip(times, deltas, strict=True)]
+    moved = [center_at(piece.gliders, t, d) for t, d in zip(times, deltas, strict=True)]
     lacks = np.abs(inputs[:, :-1] - centers - moved).max(axis=0)
     assert np.all(lacks <= remainder.beyond[:-1] + 1e-13)
     assert lacks.max() > 1e-9

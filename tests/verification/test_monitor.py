@@ -16,7 +16,7 @@ from glider.systems.funnel_monitor import FunnelMonitor, funnel_regulator
 from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.regulator import policy_regulator
 from glider.verification.funnel.funnel import funnel_policy, load_funnel
-from glider.verification.trials import _boundary_states
+from glider.verification.trials import boundary_states
 
 NOISE = 0.003
 UNKNOWN = 0.5
@@ -29,7 +29,7 @@ def launch(funnel):
     """Near the inlet's boundary."""
     z = np.random.default_rng(3).normal(size=7)
     z *= 0.9 / np.linalg.norm(z)
-    return _boundary_states(funnel, 0, z[None])
+    return boundary_states(funnel, 0, z[None])
 
 
 @pytest.fixture(scope="module")

@@ -152,7 +152,7 @@ def flight_of(path: Path) -> Flight | None:
     try:
         scenario = schema.parse_yaml(facts["scenario"], str(path))
         scenario = schema.convert(scenario, Scenario, str(path))
-        model, _ = parse_model(facts["model"], str(path))
+        model = parse_model(facts["model"], str(path))
         return _flight_of(path, topics, scenario, model.parameters.servo)
     except (KeyError, TypeError) as error:
         raise InputError(

@@ -9,19 +9,12 @@ and R is all that is left, the Taylor remainder and what the glider does otherwi
 """
 
 import dataclasses
-import functools
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from glider.compiled.runge_kutta import TINY
 from glider.physics.confidence import ALONE, ConfidenceSet, theta_at
-from glider.verification.dynamics.nominal import (
-    Nominal,
-    advanced,
-    hermite_path,
-    open_loop_rates,
-)
+from glider.verification.dynamics.nominal import Nominal, advanced, open_loop_rates
 
 _STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
@@ -39,15 +32,6 @@ class MovingCenter:
     shifts: np.ndarray  #: X (T, n, m).
     slopes: np.ndarray  #: Ẋ (T, n, m) [1/s].
     commands: np.ndarray  #: U (T, m): the command there is u₀ + U δ.
-
-    @functools.cached_property
-    def _path(self):
-        return hermite_path(self.times, self.shifts, self.slopes)
-
-    def at(self, times: ArrayLike, deviations: np.ndarray) -> np.ndarray:
-        """Returns X δ (..., n) at times (...) within the flight, for δ (..., m)."""
-        X = self._path(np.clip(times, self.times[0], self.times[-1]))
-        return np.einsum("...nm,...m->...n", X, deviations)
 
     def part(self, which: slice) -> "MovingCenter":
         """Returns the centers at some of the times."""

@@ -210,14 +210,12 @@ def fly_plan(
     states: np.ndarray,
     count: int,
     step: float,
-    numbers: np.ndarray | None = None,
 ) -> np.ndarray:
     """Flies states (B, n) to a plan's end.
 
     Args:
         count: of equal intervals, at whose ends states are returned.
         step: longest step of the integration [s].
-        numbers: (B, P) of gliders that differ, as in `GliderModel.vector`.
 
     Returns:
         states (B, count + 1, n).
@@ -227,7 +225,7 @@ def fly_plan(
     every *= model.count_laps(interval / every)
     steps = Steps(count * every, interval / every, every=every)
     feedback = make_feedback(policy.sample, steps)
-    return fly_batch(model, states, steps, feedback, numbers=numbers).states
+    return fly_batch(model, states, steps, feedback).states
 
 
 def advanced(

@@ -67,22 +67,12 @@ class Funnel(BoundarySets):
         """Returns S at times within the flight, (..., n, n)."""
         return self.curve(self._inside(times))
 
-    def error(
-        self, times: ArrayLike, states: np.ndarray, deviation: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Returns e of states (..., n), from x₀ or from centers of deviations (..., m).
+    def level(self, times: ArrayLike, states: np.ndarray) -> np.ndarray:
+        """Returns V = eᵀ S e of states (..., n) about x₀, at most 1 inside.
 
         Times (...) before and after the flight count as its ends.
         """
-        if deviation is not None and self.is_of_set:
-            states = states - self.gliders.at(times, deviation)
-        return states - self.center(times)
-
-    def level(
-        self, times: ArrayLike, states: np.ndarray, deviation: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Returns V = eᵀ S e, at most 1 inside, of the same."""
-        error = self.error(times, states, deviation)
+        error = states - self.center(times)
         return np.einsum("...i,...ij,...j->...", error, self.shape(times), error)
 
     def half_widths(self, times: ArrayLike = 0.0) -> np.ndarray:
@@ -125,26 +115,16 @@ def gliders_note(funnel: Funnel) -> GlidersNote | None:
     return GlidersNote(**known, level=funnel.allowed.level)
 
 
+@np.errstate(all="ignore")  # Numbers that overflow are for `check_funnel` to refuse.
 def load_funnel(path: Path | str) -> Funnel:
     """Loads a funnel; whether it is a certificate is for `check_funnel`.
 
     Raises:
         InputError: the file holds no funnel, or one of a time-varying glider.
     """
-    return funnel_of(path, *read_file(path))
-
-
-@np.errstate(all="ignore")  # Numbers that overflow are for `check_funnel` to refuse.
-def funnel_of(
-    path: Path | str, notes: Notes, arrays: dict[str, np.ndarray], sha256: str
-) -> Funnel:
-    """Returns the funnel of a file that was read from a path.
-
-    Raises:
-        InputError: its glider can have no funnel.
-    """
+    notes, arrays, sha256 = read_file(path)
     fault = f"{path}: not a funnel: its"
-    model, _ = parse_model(notes.model, f"{fault} glider")
+    model = parse_model(notes.model, f"{fault} glider")
     if model.is_time_varying:
         raise InputError(f"{fault} glider's dynamics vary with time.")
     if notes.state_names != model.state_names:

@@ -13,7 +13,6 @@ from glider.progress import Shares, silent
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval_proof import (
-    BUDGET,
     IntervalProof,
     each_interval,
     prove_interval,
@@ -75,7 +74,6 @@ def prove_flights(
     funnel: Funnel,
     every: int = 1,
     *,
-    budget: int = BUDGET,
     workers: int = -1,
     progress: Shares = silent,
     is_checked: bool = False,
@@ -84,7 +82,6 @@ def prove_flights(
 
     Args:
         every: look at every so many intervals only, the first and last included.
-        budget: boxes of one interval, until the search for a bound gives up.
         workers: processes; as many as there are cores if -1.
         is_checked: whether `check_funnel` holds, of the same intervals; else held
             commands and the certificate are proven too.
@@ -94,7 +91,7 @@ def prove_flights(
     """
     for fault in () if is_checked else held_faults(funnel, progress):
         raise InputError(f"Nothing is proven: {fault}")
-    prove = functools.partial(prove_interval, budget=budget, certificate=not is_checked)
+    prove = functools.partial(prove_interval, certificate=not is_checked)
     wanted = some_intervals(funnel, every)
     outcomes = {}
     for k, found in each_interval(prove, funnel, wanted, workers, progress):

@@ -42,7 +42,7 @@ from glider.verification.sos.exact import exact
 _SLACK_SHARE = 0.1
 """Share of the margin of V̇/V that is proven; the rest is left to rounding."""
 
-BUDGET = 400_000
+_BUDGET = 400_000
 """Boxes of one interval until the search gives up; shipped funnels take 90,000."""
 
 _PATIENCE = 150_000
@@ -124,17 +124,12 @@ def each_interval(
 @threadpool_limits.wrap(limits=1, user_api="blas")  # Small matrices.
 @np.errstate(all="ignore")  # What is infinite or NaN proves nothing.
 def prove_interval(
-    piece: Funnel,
-    budget: int = BUDGET,
-    *,
-    certificate: bool = True,
-    remainder: bool = True,
+    piece: Funnel, *, certificate: bool = True, remainder: bool = True
 ) -> IntervalProof:
     """Tries to prove that no flight leaves a funnel of two times between them.
 
     Args:
         piece: the funnel.
-        budget: boxes until the search for a bound of the remainder gives up.
         certificate: whether to prove that none leaves if |R| <= β.
         remainder: whether to prove that.
     """
@@ -144,7 +139,7 @@ def prove_interval(
         fault = _certificate_fault(piece) if certificate else ""
         if fault or not remainder:
             return IntervalProof(fault=fault)
-        return _prove_remainder(piece, make_interval(piece), budget)
+        return _prove_remainder(piece, make_interval(piece))
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         # Of what floating point has to propose.
         return IntervalProof(fault="its numbers are too large, or its sets too flat")
@@ -190,7 +185,7 @@ def _needed_slack(piece: Funnel, interval: Interval) -> float:
 
 
 def _prove_remainder(
-    piece: Funnel, interval: Interval, budget: int = BUDGET, halvings: int = HALVINGS
+    piece: Funnel, interval: Interval, budget: int = _BUDGET, halvings: int = HALVINGS
 ) -> IntervalProof:
     """Tries to prove that |R| <= β on the sets of an interval or a part of it."""
     basis, stretch = tight_cover(interval)
@@ -213,7 +208,7 @@ def _prove_remainder(
     return _bounded(found.proven, boxes, ratio)
 
 
-def bound_remainder(remainder: Any, budget: int = BUDGET) -> IntervalProof:
+def bound_remainder(remainder: Any, budget: int = _BUDGET) -> IntervalProof:
     """Tries to prove that |R| <= β on all boxes of the ball.
 
     R is a `TaylorRemainder`, or what has its span, dimension, balls and bounds.

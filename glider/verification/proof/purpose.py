@@ -6,8 +6,10 @@ farther off than the goal reaches.
 """
 
 import dataclasses
+import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from glider.errors import show
 from glider.files.schema import parse_yaml
@@ -24,13 +26,16 @@ from glider.planning.constraints import Bound, constraints_of
 from glider.planning.problem import PerchingProblem
 from glider.verification.funnel.funnel import Funnel
 
-_PLAN_TOLERANCE = 1e-4
+_PLAN_ROOM = 1e-4
 """Amount by which a nominal may exceed the limits of its plan [m, rad, m/s]: planners
 keep them up to a tolerance. The shipped funnels exceed them by up to 2e-6."""
 
-_PLACE_TOLERANCE = 1e-6
+_PLACE_ROOM = 1e-6
 """Amount by which launch and wire may be off [m, rad, m/s, rad/s]; it is 6e-8 in the
 shipped funnels."""
+
+_EDGE = "At the goal's edge,"
+"""Subject of a sentence on what the last set may hold."""
 
 
 def unmet(*checks: tuple[object, str]) -> list[str]:
@@ -179,77 +184,51 @@ def _push_faults(funnel, purpose):
     )
 
 
-def _launch_faults(funnel, problem):
-    """Returns where a funnel's first set is not about a problem's launch."""
-    model = funnel.nominal.model
-    start = funnel.nominal.states[0]
-    launch = model.initial_state(problem.launch)
-    faults = []
-    for name, value, expected in zip(model.state_names, start, launch, strict=True):
-        fault = (
-            f"The flight starts with {name} = {value:.6g}; the problem's launch has "
-            f"{expected:.6g}."
-        )
-        faults += unmet((abs(value - expected) <= _PLACE_TOLERANCE, fault))
-    return faults
-
-
-def _path_faults(funnel, problem):
-    """Returns where a nominal flight leaves what a problem demands of its path.
-
-    The elevator's travel is the servo's, and proven.
-    """
-    states = funnel.nominal.states
-    faults = []
-    for bound in constraints_of(problem).path:
-        faults += _beyond("The flight passes", bound, states[:, bound.state])
-    return faults
-
-
-def _beyond(words: str, bound: Bound, values: np.ndarray) -> list[str]:
-    """Returns a sentence where a flight's values leave their bound, if they do."""
-    beyond = np.maximum(bound.low - values, values - bound.high)
-    value = values[np.argmax(beyond)]
-    fault = (
-        f"{words} {bound.name} = {value:.4g} {bound.unit}; the problem allows "
-        f"{bound.low:.4g} to {bound.high:.4g}."
-    )
-    return unmet((np.max(beyond) <= _PLAN_TOLERANCE, fault))
+def _beyond(
+    subject: str, bound: Bound, values: ArrayLike, whose: str, room: float
+) -> list[str]:
+    """Returns a sentence where values leave a bound by more than room, if they do."""
+    each = np.atleast_1d(values)
+    beyond = np.maximum(bound.low - each, each - bound.high)
+    value = each[np.argmax(beyond)]
+    allowed = f"{bound.low:.6g}"
+    if not bound.is_equation:
+        allowed += f" to {bound.high:.6g}"
+    quantity = f"{subject} {bound.name} = {value:.6g} {bound.unit}".rstrip()
+    fault = f"{quantity}; {whose} {allowed}."
+    return unmet((np.max(beyond) <= room, fault))
 
 
 def _problem_faults(funnel, problem):
-    """Returns why a funnel does not solve a problem, launch to wire, in sentences."""
+    """Returns why a funnel does not solve a problem, launch to wire, in sentences.
+
+    The elevator's travel is the servo's, and proven.
+    """
     constraints = constraints_of(problem)
+    model = funnel.nominal.model
+    states = funnel.nominal.states
+    launch = model.initial_state(problem.launch)
+    faults = []
+    for name, value, expected in zip(model.state_names, states[0], launch, strict=True):
+        bound = Bound(name=name, low=expected, high=expected, unit="")
+        whose = "the problem's launch has"
+        faults += _beyond("The flight starts with", bound, value, whose, _PLACE_ROOM)
     reached = arrival(funnel, problem)
-    reach = constraints.hook.reach
+    reach = _distance(constraints.hook.reach)
+    faults += _beyond(_EDGE, reach, reached.miss, "the hook takes", _PLACE_ROOM)
     duration = constraints.duration
-    low, high = reached.pitch
-    pitch = next(bound for bound in constraints.path if bound.state == PITCH)
-    faults = _launch_faults(funnel, problem)
-    faults += unmet(
-        (
-            reached.miss <= reach + _PLACE_TOLERANCE,
-            f"The goal reaches {reached.miss:.4g} m from the wire; the hook reaches "
-            f"{reach:.4g} m.",
-        ),
-        (
-            duration.low <= reached.time <= duration.high,
-            f"The flight ends at {reached.time:.4f} s; the problem's duration_limits "
-            f"are {duration.low:.4g} to {duration.high:.4g} s.",
-        ),
-    )
-    faults += _path_faults(funnel, problem)
+    allows = "the problem allows"
+    faults += _beyond("The flight's", duration, reached.time, allows, 0.0)
+    for bound in constraints.path:
+        passed = states[:, bound.state]
+        faults += _beyond("The flight passes", bound, passed, allows, _PLAN_ROOM)
+        if bound.state == PITCH:
+            faults += _beyond(_EDGE, bound, reached.pitch, allows, 0.0)
     for bound in constraints.arrival:
         if not bound.is_equation:  # The place is the hook's.
-            values = funnel.nominal.states[-1:, bound.state]
-            faults += _beyond("The flight ends with", bound, values)
-    return faults + unmet(
-        (
-            pitch.low <= low and high <= pitch.high,
-            f"The goal has pitches from {low:.4g} to {high:.4g} rad; the problem "
-            f"allows {pitch.low:.4g} to {pitch.high:.4g}.",
-        )
-    )
+            last = states[-1, bound.state]
+            faults += _beyond("The flight ends with", bound, last, allows, _PLAN_ROOM)
+    return faults
 
 
 def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
@@ -259,22 +238,21 @@ def hook_faults(funnel: Funnel, problem: PerchingProblem) -> list[str]:
     """
     reached = arrival(funnel, problem)
     hook = constraints_of(problem).hook
-    low, high = np.degrees(reached.pitch)
-    least, most = np.degrees(hook.pitch_limits)
-    return unmet(
+    low, high = hook.pitch_limits
+    nearer = math.nextafter(hook.reach, 0.0)  # It must be less.
+    faults = []
+    for bound, values in (
+        (_distance(nearer), reached.miss),
         (
-            reached.miss < hook.reach,
-            f"The goal reaches {reached.miss:.8g} m from the wire; the hook accepts "
-            f"less than {hook.reach:.4g} m.",
+            Bound(name="speed", low=0.0, high=hook.speed_limit, unit="m/s"),
+            reached.speed,
         ),
-        (
-            reached.speed <= hook.speed_limit,
-            f"The goal has speeds of up to {reached.speed:.4g} m/s; the hook accepts "
-            f"up to {hook.speed_limit:.4g} m/s.",
-        ),
-        (
-            least <= low and high <= most,
-            f"The goal has pitches from {low:.1f}° to {high:.1f}°; the hook accepts "
-            f"{least:.1f}° to {most:.1f}°.",
-        ),
-    )
+        (Bound(name="pitch", low=low, high=high, unit="rad"), reached.pitch),
+    ):
+        faults += _beyond(_EDGE, bound, values, "the hook accepts", 0.0)
+    return faults
+
+
+def _distance(reach):
+    """Returns the bound of the distance from the wire."""
+    return Bound(name="distance from the wire", low=0.0, high=reach, unit="m")
