@@ -117,9 +117,6 @@ TEMPLATES = jinja2.Environment(
 )
 """Templates of pages and of sentences."""
 
-TEMPLATES.tests["is_better"] = lambda fold: (
-    fold.corrected.position_rms_m < fold.refitted.position_rms_m
-)
 TEMPLATES.globals |= {
     "DIVERGED": numbers.DIVERGED,
     "angle": numbers.format_angle,

@@ -23,10 +23,8 @@ from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, POSITION_SCALE
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
-from glider.sysid.constants import FOLDS
 from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
-from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
@@ -92,7 +90,7 @@ class Analysis:
 
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(task, model)
-            evaluated, folds = evaluate(
+            evaluated, gains = evaluate(
                 found, self.held_out, baseline, spreads, self.rng
             )
 
@@ -103,7 +101,7 @@ class Analysis:
         campaign = self.inspection.campaign
         doubt = self._doubt(found)
         verdict, reason = judge(
-            traced, folds, evaluated["errors"], effects, evaluated["left"], doubt
+            traced, gains, evaluated["errors"], effects, evaluated["left"], doubt
         )
         rows = [s for s in self.inspection.excluded if s.file not in found.outlying]
         for name, why in found.outlying.items():
@@ -134,7 +132,7 @@ class Analysis:
             alternatives=alternatives,
             covariance=covariance,
             correlations=of_effects.correlations if of_effects else {},
-            warnings=tuple(self._warnings(found, flown, folds)),
+            warnings=tuple(self._warnings(found, flown)),
             set_aside=tuple(sorted(rows, key=lambda s: s.file)),
             noise=result.MeasurementNoise(flights.noise.position, flights.noise.pitch),
             log_findings=self.inspection.warnings + flights.findings,
@@ -173,11 +171,7 @@ class Analysis:
         return SmoothedFlights(campaign, signs, noise, records, as_logged, of_servo)
 
     def _search(self, flights: SmoothedFlights) -> Searched:
-        """Searches the effects that the flights to fit show, without outliers.
-
-        Outliers among the flights to fit are excluded; those among the held-out flights
-        are scored apart.
-        """
+        """Searches the effects that the flights to fit show, without outliers."""
         noise = flights.noise
         records = [*flights.corrected.values()]
         with self.stage("compare", "comparing flights"):
@@ -201,7 +195,7 @@ class Analysis:
                     self.progress(f"again without {', '.join(again)}")
                     traced = trace(task, noise, self.rng, self.progress)
 
-        return Searched(flights, everything, task, traced, outlying, extreme)
+        return Searched(flights, everything, task, traced, outlying)
 
     def _without(
         self, outlying: Mapping[str, str], everything: Task
@@ -226,9 +220,7 @@ class Analysis:
                     return warning.rstrip(".")
         return doubt
 
-    def _warnings(
-        self, found: Searched, flown: Collection[str], folds: HeldOut | None
-    ) -> Iterator[str]:
+    def _warnings(self, found: Searched, flown: Collection[str]) -> Iterator[str]:
         """Yields sentences about what limits the result."""
         if (tried := self.settings["effects"]) is not None:
             others = len({*self.vehicle.kinds} - {*tried})
@@ -253,21 +245,6 @@ class Analysis:
                     f"{name}: every model diverges on this held-out flight; it is "
                     "excluded from the errors."
                 )
-
-        if folds is None:
-            return
-        for name in folds.apart:
-            if name not in found.outlying:
-                yield (
-                    f"{name}: the corrected model explains it far worse than others "
-                    "(are rows or commands wrong?); in the folds it is predicted and "
-                    "not fitted."
-                )
-
-        gains = folds.gain.values
-        lost = np.count_nonzero(gains < 0.0)
-        if found.traced.model.kinds and FOLDS * lost > len(gains):
-            yield f"The correction does not improve {lost} of {len(gains)} flights."
 
 
 def _weigh(found: Searched) -> tuple[tuple[result.Alternative, ...], Uncertainty]:

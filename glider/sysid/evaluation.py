@@ -15,10 +15,9 @@ from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
 from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import find_floor
-from glider.sysid.fit.folds import HeldOut, hold_out
+from glider.sysid.fit.folds import Gains, hold_out
 from glider.sysid.fit.prediction import compare, flown_by
 from glider.sysid.likelihood.candidates import survey
-from glider.sysid.likelihood.outliers import find_unexplained
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.outcome import SPREAD_KINDS
@@ -58,7 +57,6 @@ class Searched:
     task: Task  #: On those to fit.
     traced: SearchResult
     outlying: Mapping[str, str]  #: Names of flights that stand out, and why.
-    extreme: Collection[str]  #: Those of them that only the corrected model excludes.
 
 
 def evaluate(
@@ -67,10 +65,11 @@ def evaluate(
     baseline: FitResult,
     spreads: Mapping[str, Spread],
     rng: np.random.Generator,
-) -> tuple[dict[str, Any], HeldOut | None]:
+) -> tuple[dict[str, Any], dict[str, Gains]]:
     """Predicts held-out flights, whose names are given, by all models.
 
-    Returns fields of `Result`, and each flight held out once where signs are right.
+    Returns fields of `Result`, and what the correction gains over the other models
+    where each flight is held out once; nothing where signs are wrong.
     """
     task = searched.task
     traced = searched.traced
@@ -79,15 +78,11 @@ def evaluate(
     scales = traced.model.scales
     models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
 
-    def flown(names: Sequence[str]) -> prediction.Compared:
-        return compare({n: (own, flights.of(n, names)) for n, own in models.items()})
-
     usual = [record.name for record in searched.everything.records]
     unseen = [name for name in usual if name in held_out]
-    apart = tuple(n for n in flights.corrected if n in held_out and n not in usual)
-    found = flown(unseen)
+    found = compare({n: (own, flights.of(n, unseen)) for n, own in models.items()})
     kept = [unseen[i] for i in found.kept]
-    tests = _hold_out(searched, baseline, rng)
+    gains = _hold_out(searched, baseline, rng)
     records = flights.of("corrected", usual)
     own = models["corrected"]
     of_nominal = models.get("nominal", models["refitted"])
@@ -101,33 +96,25 @@ def evaluate(
     is_kept = np.isin(after.flight, [after.names.index(name) for name in kept])
     perfect = floor.errors(prediction.rms(after.noise[is_kept]), len(kept))
     errors = dict.fromkeys(MODELS) | found.errors | {PERFECT: perfect}
-    paths = None
-    if tests:
-        paths = np.array([tests.paths[r.name]["corrected"] for r in first])
-    outliers = None
-    if apart:
-        alone = flown(apart).errors
-        together = flown([*kept, *apart]).errors
-        outliers = result.OutlyingFlights(apart, {**alone}, {**together})
-
+    flown = in_parallel(functools.partial(prediction.predict, own), first)
+    squares = map(prediction.mean_squares, first, flown)
+    paths = np.sqrt([own[:2] for own in squares])
     left = found.errors["corrected"]
     along = left.rollout_measured_pitch.position_rms_m
     return {
         "errors": errors,
-        "outlying": outliers,
-        "folds": tests.folds if tests else (),
         "left": result.Residual(
             position_m=left.position_rms_m,
             ratio_to_floor=left.position_rms_m / perfect.position_rms_m,
             ratio_along_pitch=along / perfect.rollout_measured_pitch.position_rms_m,
             most_by_chance=floor.most_by_chance(len(kept)),
-            chance=np.nan if paths is None else floor.chance(paths),
+            chance=floor.chance(paths),
             depends_on=_variables_of(task, traced.judged),
         ),
         "held_out": _flights(flights, unseen, found, own.per_flight_trims),
         "residual_before": before,
         "residual_after": after,
-    }, tests
+    }, gains
 
 
 def _variables_of(task: Task, model: FitResult) -> tuple[str, ...]:
@@ -171,30 +158,19 @@ def _fitted_models(
 
 def _hold_out(
     searched: Searched, baseline: FitResult, rng: np.random.Generator
-) -> HeldOut | None:
-    """Holds out each flight once, baseline and corrected model refitted.
-
-    Flights that only the corrected model takes for outlying, or that it explains far
-    worse than the others, are scored, not fitted.
-    """
-    flights = searched.flights
+) -> dict[str, Gains]:
+    """Holds out each flight once, where signs are right."""
+    if not searched.flights.signs.are_right:
+        return {}
+    task = searched.everything
     traced = searched.traced
-    nominal = None
-    if not flights.signs.are_right:
-        return None
-    usual = [record.name for record in searched.everything.records]
-    scored = {*searched.extreme, *usual}
-    task = searched.task.on([r for r in flights.corrected.values() if r.name in scored])
-    corrected = traced.model
-    scales = traced.model.scales
-    apart = {*searched.extreme, *find_unexplained(task, corrected)}
+    models = {"refitted": baseline, "corrected": traced.model}
     if traced.forces is not None:
-        baseline = forces_alone(task, baseline, traced.forces)
-        corrected = forces_alone(task, corrected, traced.forces)
+        for name, model in models.items():
+            models[name] = forces_alone(task, model, traced.forces)
     elif task.vehicle.is_known:
-        nominal = traced.bare
-
-    return hold_out(task, baseline, corrected, scales, rng, apart, nominal)
+        models["nominal"] = traced.bare
+    return hold_out(task, models, rng)
 
 
 def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:

@@ -20,7 +20,6 @@ from glider.sysid.result import (
     Errors,
     Estimate,
     FlightNames,
-    Fold,
     FoundEffect,
     HeldOutFlight,
     MeasurementNoise,
@@ -143,14 +142,6 @@ DERIVATIVES = Derivatives(
 )
 
 
-def make_fold(names, better=True):
-    return Fold(
-        held_out=names,
-        refitted=make_errors(0.5),
-        corrected=make_errors(0.4 if better else 0.6),
-    )
-
-
 def make_result(**changes):
     """Returns what closing the loop on a windy campaign may give."""
     rng = np.random.default_rng(0)
@@ -170,11 +161,6 @@ def make_result(**changes):
             "corrected": make_errors(0.001),
             PERFECT: PERFECT_ERRORS,
         },
-        folds=(
-            make_fold(("flight_001.csv", "flight_100.csv")),
-            make_fold(("flight_002.csv",)),
-            make_fold(("flight_101.csv",), better=False),
-        ),
         left=Residual(
             position_m=5.3e-3,
             ratio_to_floor=13.25,
@@ -246,13 +232,6 @@ def diverged():
             ),
         ),
         left=Residual(position_m=math.nan, ratio_to_floor=math.inf, depends_on=()),
-        folds=(
-            Fold(
-                held_out=("flight_100.csv",),
-                refitted=all_errors(math.inf),
-                corrected=all_errors(math.nan),
-            ),
-        ),
         derivatives=dataclasses.replace(
             DERIVATIVES,
             values={
@@ -298,7 +277,6 @@ VARIANTS = {
     "no effect": make_result(
         verdict="no_effect",
         effects=(),
-        folds=(),
         correlations={},
         spreads={},
         vehicle={},

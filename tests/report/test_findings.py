@@ -20,18 +20,10 @@ from glider.sysid.result import (
     Air,
     Estimate,
     FlightNames,
-    OutlyingFlights,
     Residual,
     Spread,
 )
-from tests.report.results import (
-    UNEXPLAINED,
-    VARIANTS,
-    WIND,
-    make_errors,
-    make_flight,
-    make_result,
-)
+from tests.report.results import UNEXPLAINED, VARIANTS, WIND, make_flight, make_result
 from tests.report.test_report import Page, summary
 
 
@@ -99,16 +91,6 @@ def test_the_headline_counts_the_flights_that_are_excluded(verdict):
     some = dataclasses.replace(EXCLUDED[0], rows="41-80")
     assert "flights show" in headline(make_result(set_aside=(some,)))
     assert words not in headline(make_result(verdict=verdict, set_aside=(some,)))
-
-
-@pytest.mark.parametrize("verdict", ["no_effect", "effect_found", "not_trusted"])
-def test_the_headline_has_the_error_with_excluded_flights(verdict):
-    both = {name: make_errors(0.7) for name in ("nominal", "corrected")}
-    outlying = OutlyingFlights(flights=("a.csv",), errors=both, with_others=both)
-    result = make_result(verdict=verdict, outlying=outlying, set_aside=EXCLUDED)
-    assert headline(result).endswith(
-        "(RMS), 289 mm with the 1 held-out flight among the excluded."
-    )
 
 
 def test_an_error_without_a_correction_does_not_fall():
@@ -227,17 +209,6 @@ def test_the_evidence_threshold_on_the_page_is_the_one_that_was_used():
         assert f"must contribute {words}" in page
     forces = make_result(evidence_threshold=3.0, knows_forces=False)
     assert "at least 3, and more if" in flat(Page(to_html(forces)).text)
-
-
-def test_held_out_flights_that_stand_out_are_scored_apart():
-    assert "scored apart" not in Page(to_html(make_result())).text
-    outlying = OutlyingFlights(
-        flights=("flight_013.csv",),
-        errors={"refitted": make_errors(2.0), "corrected": make_errors(1.5)},
-    )
-    result = make_result(outlying=outlying)
-    page = flat(Page(to_html(result)).text)
-    assert "1 further held-out flight (flight_013.csv) cannot be explained" in page
 
 
 def test_correlations_are_told_once_and_only_where_they_matter():

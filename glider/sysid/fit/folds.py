@@ -1,27 +1,24 @@
-"""Flights held out in folds: effects searched and all models refitted without them."""
+"""Flights held out in folds: what a correction gains on flights that it has not seen.
+
+All is linear about the models that were fitted, so that those made without some flights
+follow in closed form from the flights' information.
+"""
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from glider.physics.confidence import LEVEL
-from glider.sysid.constants import FOLDS, WORSE
-from glider.sysid.fit.prediction import compare, flown_by, mean_squares, near_median
-from glider.sysid.likelihood import model_fit
+from glider.sysid.constants import FOLDS
+from glider.sysid.fit.prediction import near_median
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.information import counted_from, solve_scaled
-from glider.sysid.likelihood.scales import Scales
+from glider.sysid.likelihood.model_fit import Prior, error_flights, in_surroundings
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.result import Fold
 from glider.sysid.search.support import Nearby
 from glider.sysid.search.tracing import without_late
-
-WAYS = "freely", "along the measured pitch"
-"""How flights are flown again, as `HeldOut.paths` has them."""
-
-_LARGEST_LOG = 9.0  # Of a ratio of errors: a model that diverges is one loss.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -58,161 +55,72 @@ class Gains:
         return self.t >= float(ndtri(0.5 * (1.0 + LEVEL)))
 
 
-@dataclasses.dataclass(frozen=True)
-class HeldOut:
-    """Two models on flights that they were made without."""
-
-    folds: tuple[Fold, ...]  #: Their errors.
-    gain: Gains  #: Of the corrected model over the baseline.
-    #: Name of a flight to the position RMS (2,) of each model, of free rollouts and
-    #: along the measured pitch [m].
-    paths: dict[str, dict[str, np.ndarray]]
-    over_nominal: Gains | None = None  #: Over the nominal model, where it is known.
-    apart: tuple[str, ...] = ()  #: Names of flights that no fold was fitted to.
-
-    def lost(self, way: str, model: str = "refitted") -> Gains:
-        """Logarithms of corrected over another model's errors, flown in a way.
-
-        A few flights, such as one on which a model diverges, decide nothing.
-        """
-        place = WAYS.index(way)
-        names = (model, "corrected")
-        both = np.array([[p[n][place] for n in names] for p in self.paths.values()])
-        flown = both[np.isfinite(both).any(axis=1)]
-        lost = np.log([ratio_of(*own) + 1e-12 for own in flown])
-        return Gains(values=np.clip(lost, -_LARGEST_LOG, _LARGEST_LOG))
-
-    def over_median(self, model: str) -> float:
-        """Median ratio of the corrected to another model's errors of free rollouts."""
-        return float(np.exp(np.median(self.lost(WAYS[0], model).values)))
-
-    def is_worse(self, way: str) -> bool:
-        """Whether the correction loses on flights flown in a way, more than a tie."""
-        lost = self.lost(way)
-        return lost.are_significant and float(np.median(lost.values)) > np.log(WORSE)
-
-
-def ratio_of(before: float, after: float) -> float:
-    """Returns after over before; infinite where the later model diverges."""
-    if not np.isfinite(after):
-        return np.inf
-    return float(after / before) if np.isfinite(before) else 0.0
-
-
 def hold_out(
-    task: Task,
-    baseline: FitResult,
-    corrected: FitResult,
-    scales: Scales,
-    rng: np.random.Generator,
-    apart: Collection[str] = (),
-    nominal: FitResult | None = None,
-) -> HeldOut:
-    """Holds out each flight once, the effects of the corrected model searched again.
+    task: Task, models: Mapping[str, FitResult], rng: np.random.Generator
+) -> dict[str, Gains]:
+    """Holds out each flight once; returns the gains over all models but "corrected".
 
-    Those whose names are apart are scored and never fitted.
+    The effects of the corrected model are searched again without the flights; of the
+    others all coefficients are refitted.
     """
     count = len(task.records)
-    is_fitted = np.array([record.name not in apart for record in task.records])
     order = rng.permutation(count)
     parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
-    models = {"refitted": baseline, "corrected": corrected}
-    if nominal is not None:
-        models["nominal"] = nominal
-    refits = {n: _Refits(task, m, m is corrected) for n, m in models.items()}
-    rollouts = {name: flown_by(task, own, scales) for name, own in models.items()}
-    costs = {name: np.zeros(count) for name in models}
-    paths = dict[str, dict[str, np.ndarray]]()
-    folds = []
+    costs = {}
+    for name, model in models.items():
+        costs[name] = _unseen_costs(task, model, parts, name == "corrected")
+    corrected = costs.pop("corrected")
+    return {name: Gains(values=own - corrected) for name, own in costs.items()}
+
+
+def _unseen_costs(
+    task: Task, model: FitResult, parts: Sequence[np.ndarray], is_searched: bool
+) -> np.ndarray:
+    """Returns the cost of each flight by a model made without its part [nats]."""
+    model = in_surroundings(task, model, error_flights(task, model))
+    offered = without_late(task, model.kinds) if is_searched else task.offering(())
+    candidates, grams, now = gather_in_parts(offered, model, model.scales)
+    near = Nearby(candidates, grams)
+    given, prior = candidates.nothing()
+    # The likelihood is a square of changes and what depends on the scales alone.
+    constant = now - 0.5 * grams[:, -1, -1]
+    costs = np.empty(len(grams))
     for part in parts:
-        unseen = [task.records[i] for i in part]
-        rest = is_fitted.astype(float)
-        rest[part] = 0.0
-        flown = {}
-        for name, refit in refits.items():
-            model, costs[name][part] = refit.on(rest, part)
-            flown[name] = rollouts[name].with_numbers_of(model), unseen
-
-        found = compare(flown)
-        names = tuple(record.name for record in unseen)
-        errors = {name: found.errors[name] for name in ("refitted", "corrected")}
-        folds.append(Fold(held_out=names, **errors))
-        for k, record in enumerate(unseen):
-            paths[record.name] = {
-                name: np.sqrt(mean_squares(record, own[k])[:2])
-                for name, own in found.predictions.items()
-            }
-
-    gains = {n: Gains(values=cost - costs["corrected"]) for n, cost in costs.items()}
-    over_nominal = gains.get("nominal")
-    gain = gains["refitted"]
-    return HeldOut(tuple(folds), gain, paths, over_nominal, tuple(sorted(apart)))
-
-
-class _Refits:
-    """A model, made again from some flights."""
-
-    def __init__(self, task: Task, model: FitResult, is_searched: bool):
-        self.task = task
-        self.is_searched = is_searched
-        self.model = model = model_fit.in_surroundings(
-            task, model, model_fit.error_flights(task, model)
-        )
-        offered = without_late(task, model.kinds) if is_searched else task.offering(())
-        found = gather_in_parts(offered, model, model.scales)
-        self.candidates, self.grams, now = found
+        counts = np.ones(len(grams))
+        counts[part] = 0.0
+        columns = list(range(len(prior.mean)))
         if is_searched:
-            self.near = Nearby(self.candidates, self.grams)
-            self.given, self.prior = self.candidates.nothing()
-        else:
-            self.prior = model_fit.prior_of(task, model)
-            self.given = np.zeros(len(self.prior.mean))
-
-        # The likelihood is a square of changes and what depends on the scales alone.
-        self.constant = now - 0.5 * self.grams[:, -1, -1]
-
-    def on(
-        self, counts: np.ndarray, unseen: np.ndarray
-    ) -> tuple[FitResult, np.ndarray]:
-        """Returns the model of flights that count so often, and others' costs [nats].
-
-        The costs are those of the predictive distribution: what the flights leave
-        unknown of the coefficients counts with the noise, so that a flight beyond the
-        range of the others is not held against a model that does not know it.
-        """
-        model = self.model
-        columns = list(range(len(self.prior.mean)))
-        if self.is_searched:
-            score, members = self.near.best(counts)
-            model = score.begin(members)
+            _, members = near.best(counts)
             found = [column for _, variant in members for column in variant]
-            columns = [*self.candidates.always, *found]
+            columns = [*candidates.always, *found]
+        total = counted_from(np.tensordot(counts, grams, 1), given)
+        others = counted_from(grams[part], given)
+        costs[part] = constant[part] + _predicted(total, others, prior, columns)
 
-        keep = [*columns, len(self.prior.mean)]
-        step = np.zeros(len(self.prior.mean))
-        total = counted_from(np.tensordot(counts, self.grams, 1), self.given)
-        prior = self.prior.among(columns)
-        change = prior.best_step(total[np.ix_(keep, keep)])
-        step[columns] = change
-        is_open = (prior.lower < change) & (change < prior.upper)
-        own = np.array(columns, dtype=int)[is_open]
-        known = total[np.ix_(own, own)] + np.diag(prior.precision[is_open])
-        others = counted_from(self.grams[unseen], self.given - step)
-        added = others[:, own[:, None], own]
-        error = others[:, own, -1]
-        more = np.sum(solve_scaled(known + added, error, 0.0) * error, axis=1)
-        volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, added))[1]
-        costs = self.constant[unseen] + 0.5 * (others[:, -1, -1] - more + volume)
-        if not self.is_searched:  # Few parameters, and nearly linear.
-            return model_fit.moved(self.task, model, step), costs
-        if counts.any():
-            pairs = zip(self.task.records, counts, strict=True)
-            fitted = self.task.on([record for record, count in pairs if count])
-            fixed = {*self.task.vehicle.nuisance}.difference(self.model.free)
-            free = tuple(slot for slot in model.free if slot not in fixed)
-            start = dataclasses.replace(model, free=free)
-            if {*model.kinds} == {*self.model.kinds}:
-                start = self.model
-            model = model_fit.fit_model(fitted, start, free_scales=())
+    return costs
 
-        return model, costs
+
+def _predicted(
+    total: np.ndarray, others: np.ndarray, prior: Prior, columns: Sequence[int]
+) -> np.ndarray:
+    """Returns what flights cost by some columns that others determine [nats].
+
+    By the predictive distribution: what the flights whose information is `total` leave
+    unknown of the coefficients counts with the noise, so that a flight beyond their
+    range is not held against a model that does not know it.
+    """
+    keep = [*columns, len(prior.mean)]
+    own = prior.among(columns)
+    change = own.best_step(total[np.ix_(keep, keep)])
+    step = np.zeros(len(prior.mean))
+    step[columns] = change
+    is_open = (own.lower < change) & (change < own.upper)
+    free = np.array(columns, dtype=int)[is_open]
+    known = total[np.ix_(free, free)] + np.diag(own.precision[is_open])
+    others = counted_from(others, -step)
+    added = others[:, free[:, None], free]
+    error = others[:, free, -1]
+    more = np.sum(solve_scaled(known + added, error, 0.0) * error, axis=1)
+    ratio = np.eye(len(free)) + np.linalg.solve(known, added)
+    _, volume = np.linalg.slogdet(ratio)
+    return 0.5 * (others[:, -1, -1] - more + volume)

@@ -62,10 +62,6 @@ class RolloutModel:
         scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
         return dataclasses.replace(self, scales=scales)
 
-    def with_numbers_of(self, model: FitResult) -> "RolloutModel":
-        """Returns another model, whose errors are taken to be as large."""
-        return dataclasses.replace(self, theta=model.theta, gaussians=model.gaussians)
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prediction:
