@@ -23,7 +23,6 @@ from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, POSITION_SCALE
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
-from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
@@ -114,7 +113,7 @@ class Analysis:
         of_effects = covariance and covariance.among(model.kinds)
         scales = model.scales
         space = self.vehicle.space
-        whole = result.Result(
+        return result.Result(
             campaign=campaign.name,
             path=campaign.path,
             flights=flights_of,
@@ -142,7 +141,6 @@ class Analysis:
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
         )
-        return with_derivatives(whole)
 
     def _smooth(self) -> SmoothedFlights:
         """Turns wrong signs back and smooths all flights."""

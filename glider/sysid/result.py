@@ -168,20 +168,6 @@ class MeasurementNoise:
     pitch_rad: Number
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Derivatives:
-    """Stability and control derivatives, see `glider.sysid.derivatives`."""
-
-    condition: str  #: In words.
-    airspeed_m_s: Number
-    alpha_rad: Number
-    delta_e_rad: Number
-    area_m2: Number
-    length_m: Number
-    length: str  #: In words.
-    values: dict[str, Estimate]  #: C_L, C_L_alpha to C_m_delta_e.
-
-
 def excluded_among(set_aside: Sequence[ExcludedRows]) -> dict[str, str]:
     """Returns the flights that are excluded as a whole, by name, and why."""
     return {own.file: own.why for own in set_aside if own.rows == ALL}
@@ -203,7 +189,6 @@ class Report:
     spreads: dict[str, Spread]  #: Flight-to-flight variations, by name.
     #: "kind.coefficient" to the same to the correlation of their errors.
     correlations: dict[str, dict[str, Number]]
-    derivatives: Derivatives | None = None  #: Older versions have none.
     vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
     warnings: tuple[str, ...]
     set_aside: tuple[ExcludedRows, ...]

@@ -15,7 +15,6 @@ from glider.sysid.result import (
     OTHER_SHAPE,
     PERFECT,
     Air,
-    Derivatives,
     EquationErrors,
     Errors,
     Estimate,
@@ -126,22 +125,6 @@ def make_table(slope, rng):
     )
 
 
-DERIVATIVES = Derivatives(
-    condition="steady glide",
-    airspeed_m_s=6.5,
-    alpha_rad=0.07,
-    delta_e_rad=-0.07,
-    area_m2=0.0885,
-    length_m=0.14,
-    length="chord",
-    values={
-        f"{c}{by}": Estimate(value=5.123, std=0.0 if c == "C_m" else 0.012, unit="-")
-        for c in ("C_L", "C_D", "C_m")
-        for by in ("", "_alpha", "_q", "_delta_e")
-    },
-)
-
-
 def make_result(**changes):
     """Returns what closing the loop on a windy campaign may give."""
     rng = np.random.default_rng(0)
@@ -180,7 +163,6 @@ def make_result(**changes):
                 values={"flight_001.csv": 0.015, "flight_002.csv": -0.031},
             )
         },
-        derivatives=DERIVATIVES,
         air=Air(std_m_s=0.12, correlation_s=0.31),
         vehicle={"wing_area_per_mass": Estimate(value=1.106, std=0.021, unit="m²/kg")},
         knows_forces=True,
@@ -232,13 +214,6 @@ def diverged():
             ),
         ),
         left=Residual(position_m=math.nan, ratio_to_floor=math.inf, depends_on=()),
-        derivatives=dataclasses.replace(
-            DERIVATIVES,
-            values={
-                n: dataclasses.replace(e, std=math.nan)
-                for n, e in DERIVATIVES.values.items()
-            },
-        ),
         correlations={"wind.x": {"wind.x": 1.0, "wind.z": math.nan}},
         air=Air(std_m_s=math.nan, correlation_s=math.inf),
         spreads={

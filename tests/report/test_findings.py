@@ -259,20 +259,6 @@ def test_evidence_is_told_as_it_was_found():
 # What users of SIDPAC and MATLAB look for.
 
 
-def test_derivatives_have_their_condition_reference_and_errors():
-    text = flat(Page(to_html(make_result())).text)
-    assert "At the steady glide: airspeed 6.5 m/s, angle of attack 4.01°" in text
-    assert "Reference area 0.0885 m² (wing), reference length l = 0.14 m (chord)" in (
-        text
-    )
-    assert text.count("5.123 ± 0.012") == 8
-    assert text.count("5.123") == 12
-    per_mass = {"wing_area": Estimate(value=1.1, std=0.1, unit="m²/kg")}
-    assert "0.0885 m²/kg (wing)" in to_html(make_result(vehicle=per_mass))
-    without = to_html(make_result(derivatives=None))
-    assert "Stability and control" not in without
-
-
 # One page, for people elsewhere.
 
 
