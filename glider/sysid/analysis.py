@@ -32,7 +32,7 @@ from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
-from glider.sysid.verdict import find_doubt, judge, with_excluded
+from glider.sysid.verdict import find_doubt, judge
 
 _SHARES = {
     "compile": 0.06,
@@ -89,28 +89,31 @@ class Analysis:
 
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(task, model)
-            evaluated, gains = evaluate(
+            evaluated, tests = evaluate(
                 found, self.held_out, baseline, spreads, self.rng
             )
 
         with self.stage("weigh", "standard errors"):
             alternatives, known = _weigh(found)
-            effects = outcome.effects_of(task, traced, known, spreads, flights.signs)
+            effects = outcome.effects_of(
+                task, traced, tests, known, spreads, flights.signs
+            )
 
         campaign = self.inspection.campaign
-        doubt = self._doubt(found)
+        doubt = find_doubt(task, model)
+        if doubt is None and POSITION_SCALE.kind not in model.kinds:
+            wrong = [s for s in self.inspection.warnings if s.startswith(SCALE)]
+            doubt = wrong[0].rstrip(".") if wrong else None
         verdict, reason = judge(
-            traced, gains, evaluated["errors"], effects, evaluated["left"], doubt
+            traced, tests.gains, evaluated["errors"], effects, evaluated["left"], doubt
         )
         rows = [s for s in self.inspection.excluded if s.file not in found.outlying]
         for name, why in found.outlying.items():
             rows.append(ExcludedRows(file=name, rows=ALL, why=why))
-        excluded = result.excluded_among(rows)
         flown = tuple(flight.name for flight in evaluated["held_out"])
         fitted = tuple(name for name in self.fitted if name not in found.outlying)
         flights_of = result.FlightNames(fitted, flown)
         covariance = outcome.covariance_of(task, known)
-        of_effects = covariance and covariance.among(model.kinds)
         scales = model.scales
         space = self.vehicle.space
         return result.Result(
@@ -119,7 +122,7 @@ class Analysis:
             flights=flights_of,
             knows_forces=self.vehicle.knows_forces,
             verdict=verdict,
-            reason=with_excluded(reason, excluded, flights_of.count + len(excluded)),
+            reason=reason,
             effects=effects,
             **evaluated,
             evidence_threshold=traced.threshold,
@@ -130,7 +133,6 @@ class Analysis:
             model=alternatives[0].model,
             alternatives=alternatives,
             covariance=covariance,
-            correlations=of_effects.correlations if of_effects else {},
             warnings=tuple(self._warnings(found, flown)),
             set_aside=tuple(sorted(rows, key=lambda s: s.file)),
             noise=result.MeasurementNoise(flights.noise.position, flights.noise.pitch),
@@ -184,14 +186,14 @@ class Analysis:
             everything, task = self._without(outlying, everything)
 
         with self.stage("trace"):
-            traced = trace(task, noise, self.rng, self.progress)
+            traced = trace(task, noise, self.progress)
             if extreme := find_extreme(everything, traced.model):
                 again = sorted(r.name for r in task.records if r.name in extreme)
                 everything, task = self._without(extreme, everything)
                 outlying |= extreme
                 if again:
                     self.progress(f"again without {', '.join(again)}")
-                    traced = trace(task, noise, self.rng, self.progress)
+                    traced = trace(task, noise, self.progress)
 
         return Searched(flights, everything, task, traced, outlying)
 
@@ -209,15 +211,6 @@ class Analysis:
             )
         return everything.on(kept), everything.on(fitted)
 
-    def _doubt(self, found: Searched) -> str | None:
-        """Finds the reason why the model cannot be trusted: one clause, or None."""
-        doubt = find_doubt(found.task, found.traced.model)
-        if doubt is None and POSITION_SCALE.kind not in found.traced.model.kinds:
-            for warning in self.inspection.warnings:
-                if warning.startswith(SCALE):
-                    return warning.rstrip(".")
-        return doubt
-
     def _warnings(self, found: Searched, flown: Collection[str]) -> Iterator[str]:
         """Yields sentences about what limits the result."""
         if (tried := self.settings["effects"]) is not None:
@@ -228,14 +221,6 @@ class Analysis:
                 "omitted and cannot be found, and their influence may be attributed to "
                 "those that were tried."
             )
-
-        is_measured = found.flights.campaign.servo.angle == "measured"
-        for record in found.flights.corrected.values():
-            if record.has_servo and is_measured and not record.seen[:, 3].any():
-                yield (
-                    f"{record.name}: no elevator row counts; the elevator is assumed "
-                    "where its commands have it."
-                )
 
         for name in self.held_out:
             if name not in found.outlying and name not in flown:

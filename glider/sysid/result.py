@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.checks.masks import ALL, ExcludedRows
+from glider.campaign.checks.masks import ExcludedRows
 from glider.errors import InputError, expect
 from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
@@ -51,7 +51,7 @@ class FoundEffect:
     coefficients: dict[str, Estimate]  #: By name.
     evidence: Number = math.nan  #: Log-likelihood lost without it, if any [nats].
     share_of_residual: Number = math.nan  #: Of all the evidence, 0 to 1.
-    inclusion: Number = 1.0  #: Share of resampled flights that choose it, 0 to 1.
+    inclusion: Number = 1.0  #: Share of the folds that find it again, 0 to 1.
     #: Flight-to-flight standard deviations of coefficients that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model has a free function.
@@ -168,11 +168,6 @@ class MeasurementNoise:
     pitch_rad: Number
 
 
-def excluded_among(set_aside: Sequence[ExcludedRows]) -> dict[str, str]:
-    """Returns the flights that are excluded as a whole, by name, and why."""
-    return {own.file: own.why for own in set_aside if own.rows == ALL}
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Report:
     """The part of a result that report.json holds."""
@@ -187,8 +182,6 @@ class Report:
     left: Residual
     air: Air
     spreads: dict[str, Spread]  #: Flight-to-flight variations, by name.
-    #: "kind.coefficient" to the same to the correlation of their errors.
-    correlations: dict[str, dict[str, Number]]
     vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
     warnings: tuple[str, ...]
     set_aside: tuple[ExcludedRows, ...]

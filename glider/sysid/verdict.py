@@ -7,7 +7,7 @@ clock that runs slow.
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.replay.replayed import signals
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
-from glider.sysid.search.support import SearchResult
+from glider.sysid.search.tracing import SearchResult
 
 _AT_CEILING = 0.97  # Share of the largest scale, which a fit only comes near.
 
@@ -190,15 +190,6 @@ def judge(
     return "effect_found", f"{reason}."
 
 
-def with_excluded(reason: str, excluded: Collection[str], count: int) -> str:
-    """Returns a verdict's reason with the flights that it is not about, if any."""
-    if not excluded:
-        return reason
-    are = "is" if len(excluded) == 1 else "are"
-    names = ", ".join(excluded)
-    return f"{reason} {len(excluded)} of {count} flights {are} excluded: {names}."
-
-
 def _beyond_floor(left: Residual) -> str:
     """Clause about what a perfect model would not leave, empty if it may be chance."""
     if left.may_be_chance:
@@ -255,16 +246,10 @@ def _no_gain(gain: Gains, over: str) -> str | None:
     """Sentence about a correction that gains too little on held-out flights."""
     if gain.are_significant:
         return None
-    numbers = f"(t = {gain.t:.1f}, expected {gain.least_t:.1f})"
-    if gain.would_suffice:
-        return (
-            f"The correction gains over the {over} on flights held out in folds, but "
-            f"{len(gain.values)} flights are too few to exclude chance {numbers}."
-        )
-
     return (
-        "On flights held out in folds the correction does not gain significantly over "
-        f"the {over} {numbers}."
+        f"On {len(gain.values)} flights, held out in folds, the correction gains "
+        f"nothing significant over the {over} (t = {gain.t:.1f}, expected "
+        f"{gain.least_t:.1f}; more with fewer flights)."
     )
 
 

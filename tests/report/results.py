@@ -152,10 +152,6 @@ def make_result(**changes):
             chance=1e-4,
             depends_on=("alpha",),
         ),
-        correlations={
-            "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
-            "wind.z": {"wind.x": -0.84},
-        },
         spreads={
             "elevator_trim": Spread(
                 std=0.0203,
@@ -214,7 +210,6 @@ def diverged():
             ),
         ),
         left=Residual(position_m=math.nan, ratio_to_floor=math.inf, depends_on=()),
-        correlations={"wind.x": {"wind.x": 1.0, "wind.z": math.nan}},
         air=Air(std_m_s=math.nan, correlation_s=math.inf),
         spreads={
             "wind": Spread(
@@ -252,7 +247,6 @@ VARIANTS = {
     "no effect": make_result(
         verdict="no_effect",
         effects=(),
-        correlations={},
         spreads={},
         vehicle={},
         warnings=(),

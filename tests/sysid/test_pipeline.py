@@ -59,17 +59,12 @@ def test_attached_lift_is_named_with_its_coefficients(few):
     assert few.spreads == {}
 
 
-def test_the_covariance_is_of_the_standard_errors_and_their_correlations(few):
+def test_the_covariance_is_of_the_standard_errors(few):
     (effect,) = few.effects
     known = few.covariance
     assert known.names == tuple(f"{effect.kind}.{n}" for n in effect.coefficients)
     std = np.sqrt(np.diag(known.matrix))
     np.testing.assert_allclose(std, [c.std for c in effect.coefficients.values()])
-    for i, first in enumerate(known.names):
-        for j, second in enumerate(known.names):
-            if i != j:
-                correlation = known.matrix[i, j] / (std[i] * std[j])
-                assert correlation == pytest.approx(few.correlations[first][second])
 
 
 def test_errors_fall_on_held_out_flights(few):
@@ -191,7 +186,6 @@ def test_a_held_out_flight_without_elevator_at_first_changes_no_error_to_nan(dra
     for model, errors in result.errors.items():
         groups = dataclasses.astuple(errors)[: 3 if model == PERFECT else 4]
         assert np.isfinite(np.concatenate(groups)).all(), model
-    assert not any("no elevator row counts" in words for words in result.warnings)
 
 
 def test_a_held_out_flight_that_stands_out_is_excluded(dragged):
@@ -206,7 +200,6 @@ def test_a_held_out_flight_that_stands_out_is_excluded(dragged):
     )
     assert name not in result.flights.held_out + result.flights.fit
     assert name in [excluded.file for excluded in result.set_aside]
-    assert name in result.reason
     assert not any("again" in step for step in steps)
     shares = [step.share for step in steps if isinstance(step, Step)]
     assert len(shares) > 10

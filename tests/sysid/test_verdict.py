@@ -19,7 +19,7 @@ from glider.sysid.result import (
     Residual,
     RolloutErrors,
 )
-from glider.sysid.verdict import _changes_baseline_alone, judge, with_excluded
+from glider.sysid.verdict import _changes_baseline_alone, judge
 
 RIGHT = Signs()
 
@@ -47,17 +47,13 @@ def errors_with(free, along):
     )
 
 
-LEAST_T, ENOUGH_T, FLIGHTS = 2.1, 1.96, 20
+LEAST_T, FLIGHTS = 2.1, 20
 
 
 def gain_of(t):
     """A gain in folds of this t."""
     return types.SimpleNamespace(
-        t=t,
-        least_t=LEAST_T,
-        are_significant=t >= LEAST_T,
-        would_suffice=t >= ENOUGH_T,
-        values=np.zeros(FLIGHTS),
+        t=t, least_t=LEAST_T, are_significant=t >= LEAST_T, values=np.zeros(FLIGHTS)
     )
 
 
@@ -223,23 +219,11 @@ def test_what_is_worse_than_the_nominal_model_is_not_trusted(kinds):
     assert word == "not_trusted" and "1.111 times the error of the nominal" in reason
 
 
-def test_few_flights_that_gain_are_told_as_few():
-    word, reason = verdict(("wind",), t=0.5 * (LEAST_T + ENOUGH_T))
+def test_a_gain_by_chance_is_told_with_its_flights():
+    word, reason = verdict(("wind",), t=LEAST_T - 0.1)
     assert word == "not_trusted"
-    assert f"but {FLIGHTS} flights are too few to exclude chance (t = 2.0" in reason
-    _, reason = verdict(("wind",), t=ENOUGH_T - 0.1)
-    assert "does not gain significantly" in reason
-
-
-def test_a_reason_counts_the_flights_that_it_is_not_about():
-    reason = "The flights show nothing beyond noise and moving air."
-    assert with_excluded(reason, {}, 20) == reason
-    excluded = {"a.csv": "too short", "b.csv": "explained by no model"}
-    assert with_excluded(reason, excluded, 20) == (
-        f"{reason} 2 of 20 flights are excluded: a.csv, b.csv."
-    )
-    told = with_excluded("The effects are identified.", {"a.csv": "too short"}, 4)
-    assert told.endswith("1 of 4 flights is excluded: a.csv.")
+    assert f"On {FLIGHTS} flights, held out" in reason
+    assert f"t = 2.0, expected {LEAST_T}" in reason
 
 
 def test_what_leaves_too_much_to_chance_is_not_trusted():

@@ -6,18 +6,19 @@ follow in closed form from the flights' information.
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
 
 from glider.physics.confidence import LEVEL
-from glider.sysid.constants import FOLDS
+from glider.sysid.constants import CLEAR, FOLDS, RIVAL_GAP
 from glider.sysid.fit.prediction import near_median
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.information import counted_from, solve_scaled
-from glider.sysid.likelihood.model_fit import Prior, error_flights, in_surroundings
+from glider.sysid.likelihood.model_fit import error_flights, in_surroundings
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.search.support import Nearby
+from glider.sysid.search.subsets import Members, Scorer, climb, columns_of, scorer_of
 from glider.sysid.search.tracing import without_late
 
 
@@ -49,78 +50,135 @@ class Gains:
         """Whether the correction gains beyond chance."""
         return self.t >= self.least_t
 
-    @property
-    def would_suffice(self) -> bool:
-        """Whether gains so large beside their scatter would show on many flights."""
-        return self.t >= float(ndtri(0.5 * (1.0 + LEVEL)))
+
+class HeldOut(NamedTuple):
+    """What flights say that played no part in the models."""
+
+    gains: dict[str, Gains]  #: Of the corrected model over each other one, by name.
+    chosen: list[set[str]]  #: Effects that are found without each part of the flights.
+    alike: dict[str, set[str]]  #: Of each effect, what would do as well in its place.
+
+    def inclusion(self, kind: str) -> float:
+        """Returns the share of the parts without which an effect is found."""
+        is_found = [kind in own for own in self.chosen]
+        return float(np.mean(is_found))
 
 
 def hold_out(
-    task: Task, models: Mapping[str, FitResult], rng: np.random.Generator
-) -> dict[str, Gains]:
-    """Holds out each flight once; returns the gains over all models but "corrected".
+    task: Task,
+    corrected: FitResult,
+    others: Mapping[str, FitResult],
+    rng: np.random.Generator,
+) -> HeldOut:
+    """Holds out each flight once, in one of FOLDS parts.
 
     The effects of the corrected model are searched again without the flights; of the
     others all coefficients are refitted.
     """
     count = len(task.records)
     order = rng.permutation(count)
-    parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
-    costs = {}
-    for name, model in models.items():
-        costs[name] = _unseen_costs(task, model, parts, name == "corrected")
-    corrected = costs.pop("corrected")
-    return {name: Gains(values=own - corrected) for name, own in costs.items()}
+    parts = []
+    for k in range(min(FOLDS, count)):
+        part = np.sort(order[k::FOLDS])
+        parts.append(part.tolist())
 
-
-def _unseen_costs(
-    task: Task, model: FitResult, parts: Sequence[np.ndarray], is_searched: bool
-) -> np.ndarray:
-    """Returns the cost of each flight by a model made without its part [nats]."""
-    model = in_surroundings(task, model, error_flights(task, model))
-    offered = without_late(task, model.kinds) if is_searched else task.offering(())
-    candidates, grams, now = gather_in_parts(offered, model, model.scales)
-    near = Nearby(candidates, grams)
-    given, prior = candidates.nothing()
-    # The likelihood is a square of changes and what depends on the scales alone.
-    constant = now - 0.5 * grams[:, -1, -1]
-    costs = np.empty(len(grams))
+    linear = _LinearFlights(without_late(task, corrected.kinds), corrected)
+    score = linear.scorer([])
+    found = score.by_first(corrected.kinds)
+    offered, alike = _near(score, found)
+    chosen = []
+    columns = []
     for part in parts:
-        counts = np.ones(len(grams))
-        counts[part] = 0.0
-        columns = list(range(len(prior.mean)))
-        if is_searched:
-            _, members = near.best(counts)
-            found = [column for _, variant in members for column in variant]
-            columns = [*candidates.always, *found]
-        total = counted_from(np.tensordot(counts, grams, 1), given)
-        others = counted_from(grams[part], given)
-        costs[part] = constant[part] + _predicted(total, others, prior, columns)
+        score = linear.scorer(part).among(offered)
+        members = climb(score, found)
+        chosen.append({kind for kind, _ in members})
+        columns.append([*linear.candidates.always, *columns_of(members)])
 
-    return costs
+    costs = linear.costs(parts, columns)
+    gains = {}
+    for name, model in others.items():
+        other = _LinearFlights(task.offering(()), model)
+        every = range(len(other.prior.mean))
+        lost = other.costs(parts, [every] * len(parts))
+        gains[name] = Gains(values=lost - costs)
+
+    return HeldOut(gains, chosen, alike)
 
 
-def _predicted(
-    total: np.ndarray, others: np.ndarray, prior: Prior, columns: Sequence[int]
-) -> np.ndarray:
-    """Returns what flights cost by some columns that others determine [nats].
+def _near(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[str]]]:
+    """Returns effects of sets near one, and what would do as well in place of each.
 
-    By the predictive distribution: what the flights whose information is `total` leave
-    unknown of the coefficients counts with the noise, so that a flight beyond their
-    range is not held against a model that does not know it.
+    Farther away, errors of the linearization look like effects.
     """
-    keep = [*columns, len(prior.mean)]
-    own = prior.among(columns)
-    change = own.best_step(total[np.ix_(keep, keep)])
-    step = np.zeros(len(prior.mean))
-    step[columns] = change
-    is_open = (own.lower < change) & (change < own.upper)
-    free = np.array(columns, dtype=int)[is_open]
-    known = total[np.ix_(free, free)] + np.diag(own.precision[is_open])
-    others = counted_from(others, -step)
-    added = others[:, free[:, None], free]
-    error = others[:, free, -1]
-    more = np.sum(solve_scaled(known + added, error, 0.0) * error, axis=1)
-    ratio = np.eye(len(free)) + np.linalg.solve(known, added)
-    _, volume = np.linalg.slogdet(ratio)
-    return 0.5 * (others[:, -1, -1] - more + volume)
+    kinds = {kind for kind, _ in found}
+    offered = set(kinds)
+    alike: dict[str, set[str]] = {kind: set() for kind in kinds}
+    best = score(found)
+    for other in (*score.larger(found), *score.swapped(found)):
+        kind, _ = other[-1]
+        lost = best - score(other)
+        if lost < CLEAR:
+            offered.add(kind)
+        if kind not in kinds and lost < RIVAL_GAP:
+            left = {name for name, _ in other}
+            for gone in kinds - left:
+                alike[gone].add(kind)
+
+    return offered, alike
+
+
+class _LinearFlights:
+    """Flights about a model that was fitted to them, or to others."""
+
+    def __init__(self, task: Task, model: FitResult):
+        flights = error_flights(task, model)
+        model = in_surroundings(task, model, flights)
+        found = gather_in_parts(task, model, model.scales)
+        self.candidates, self.grams, now = found
+        self.given, self.prior = self.candidates.nothing()
+        # The likelihood is a square of changes and what depends on the scales alone.
+        self.constant = now - 0.5 * self.grams[:, -1, -1]
+
+    def scorer(self, part: list[int]) -> Scorer:
+        """Returns the evidence of sets without a part of the flights."""
+        counts = np.ones(len(self.grams))
+        counts[part] = 0.0
+        return scorer_of(self.candidates, self.grams, counts)
+
+    def costs(
+        self, parts: Sequence[list[int]], columns: Sequence[Sequence[int]]
+    ) -> np.ndarray:
+        """Returns the cost of each flight by models made without its part [nats].
+
+        The models have some of the columns, for each part. By the predictive
+        distribution: what the other flights leave unknown of the coefficients counts
+        with the noise, so that a flight beyond their range is not held against a model
+        that does not know it.
+        """
+        costs = np.empty(len(self.grams))
+        for part, some in zip(parts, columns, strict=True):
+            own = list(some)
+            rest = np.delete(self.grams, part, axis=0)
+            known = counted_from(rest.sum(axis=0), self.given)
+
+            prior = self.prior.among(own)
+            keep = [*own, -1]
+            change = prior.best_step(known[np.ix_(keep, keep)])
+            step = np.zeros(len(self.prior.mean))
+            step[own] = change
+
+            is_open = (prior.lower < change) & (change < prior.upper)
+            free = np.array(own, dtype=int)[is_open]
+            hessian = known[np.ix_(free, free)]
+            hessian = hessian + np.diag(prior.precision[is_open])
+            unseen = counted_from(self.grams[part], self.given - step)
+            added = unseen[:, free[:, None], free]
+            error = unseen[:, free, -1]
+            moved = solve_scaled(hessian + added, error, 0.0)
+            more = np.sum(moved * error, axis=1)
+            grown = np.eye(len(free)) + np.linalg.solve(hessian, added)
+            _, volume = np.linalg.slogdet(grown)
+            left = unseen[:, -1, -1] - more + volume
+            costs[part] = self.constant[part] + 0.5 * left
+
+        return costs

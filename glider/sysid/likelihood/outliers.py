@@ -10,7 +10,13 @@ squares (Huber, Robust Statistics, 1981).
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
-from glider.sysid.constants import FOLDS, LEAST_DEVIATION, LEAST_SPREAD, Z
+from glider.sysid.constants import (
+    COARSE_NOISE,
+    LEAST_DEVIATION,
+    LEAST_SPREAD,
+    PER_OUTLIER,
+    Z,
+)
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
@@ -20,8 +26,10 @@ from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 
 _COARSE = "position", "pitch", "elevator", "air", "moment", "servo", "rest"
-COARSE_SCALES = Scales(**{name: Z * getattr(Scales, name) for name in _COARSE})
-"""Noise under which flights are compared: errors of any one model count little."""
+COARSE_SCALES = Scales(
+    **{name: COARSE_NOISE * getattr(Scales, name) for name in _COARSE}
+)
+"""Noise under which flights are compared."""
 _ROUNDS = 12  # Of reweighting.
 _LEAST_SQUARE = 1e-6  # Mean square that is rounding, as of logs without noise.
 
@@ -31,12 +39,12 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
 
     Logarithms are compared, since an error common to all flights scales the squares.
     """
-    if len(task.records) < FOLDS:
+    if len(task.records) < PER_OUTLIER:
         return {}
     squares = _mean_squares(task, noise)
     ratios = squares / np.median(squares)
     is_out = _deviations(np.log(squares), LEAST_DEVIATION) > Z
-    if FOLDS * np.sum(is_out) > len(squares):
+    if PER_OUTLIER * np.sum(is_out) > len(squares):
         return {}
     places = np.flatnonzero(is_out).tolist()
     return {task.records[i].name: float(ratios[i]) for i in places}
@@ -87,4 +95,4 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
             words = f"no other flight needs {kind} as of {values[i]:.2g}"
             found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
 
-    return found if FOLDS * len(found) <= len(task.records) else {}
+    return found if PER_OUTLIER * len(found) <= len(task.records) else {}

@@ -12,7 +12,6 @@ from glider.sysid.fit.folds import Gains, hold_out
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.information import counted_from
 from glider.sysid.likelihood.model_fit import error_flights, fit_model, in_surroundings
-from glider.sysid.search.support import Nearby
 from tests.helpers.tasks import begin, fly, task_of
 
 
@@ -68,13 +67,15 @@ def held_out(campaign, *kinds):
     task, noise = task_of(campaign)
     plate = fit_model(task, begin(task, noise))
     model = fit_model(task, begin(task, noise, kinds))
-    models = {"refitted": plate, "corrected": model}
-    return hold_out(task, models, np.random.default_rng(0))["refitted"]
+    return hold_out(task, model, {"refitted": plate}, np.random.default_rng(0))
 
 
 def test_a_planted_effect_holds():
     drag = KINDS["profile_drag"](cd0=0.05)
-    gain = held_out(fly(drag, flights=7), "profile_drag")
+    held = held_out(fly(drag, flights=7), "profile_drag")
+    gain = held.gains["refitted"]
+    assert held.inclusion("profile_drag") == 1.0 and len(held.chosen) == FOLDS
+    assert held.alike == {"profile_drag": set()}
     assert gain.t > 5.0 and gain.are_significant
     assert np.all(gain.values > 0.0)
 
@@ -96,7 +97,8 @@ def test_costs_of_unseen_flights_are_by_their_predictive_distribution():
         least = total[-1, -1] - b @ np.linalg.solve(a, b)
         return counts @ constant + 0.5 * (least + np.linalg.slogdet(a)[1])
 
-    costs = folds._unseen_costs(task, model, [np.array([5])], is_searched=False)
+    linear = folds._LinearFlights(task.offering(()), model)
+    costs = linear.costs([np.array([5])], [range(len(prior.mean))])
     expected = evidence(np.ones(6)) - evidence(counts)
     assert costs[5] == pytest.approx(expected, abs=1e-3)
 
@@ -109,8 +111,8 @@ def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone()
         task, dataclasses.replace(drawn, free=task.vehicle.baseline_slots)
     )
     model = fit_model(task, begin(task, noise, ("mass",)))
-    models = {"refitted": plate, "corrected": model, "nominal": drawn}
-    gains = hold_out(task, models, np.random.default_rng(0))
+    others = {"refitted": plate, "nominal": drawn}
+    gains = hold_out(task, model, others, np.random.default_rng(0)).gains
     over_plate = gains["refitted"]
     over_nominal = gains["nominal"]
     assert over_nominal.are_significant
@@ -119,25 +121,17 @@ def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone()
 
 
 def test_an_idle_effect_does_not():
-    gain = held_out(fly(flights=10), "profile_drag", "pitch_damping")
+    held = held_out(fly(flights=10), "profile_drag", "pitch_damping")
+    assert held.inclusion("profile_drag") < 0.5
+    gain = held.gains["refitted"]
     assert not gain.are_significant
     assert np.abs(gain.values).max() < 20.0
 
 
-def test_effects_are_searched_again_in_each_fold(monkeypatch):
+def test_effects_are_searched_again_in_each_fold():
     """A set that was chosen by chance is not there; one that is real is, each time."""
-    found = []
-
-    class Watched(Nearby):
-        def best(self, counts):
-            score, members = super().best(counts)
-            found.append([kind for kind, _ in members])
-            return score, members
-
-    monkeypatch.setattr(folds, "Nearby", Watched)
-    held_out(fly(flights=8), "pitch_moment")
-    assert found == FOLDS * [[]]
-    found.clear()
-    held_out(fly(KINDS["profile_drag"](cd0=0.05), flights=8), "profile_drag", "camber")
-    assert all("profile_drag" in kinds for kinds in found)
-    assert not any("camber" in kinds for kinds in found)
+    assert held_out(fly(flights=8), "pitch_moment").chosen == FOLDS * [set()]
+    drag = fly(KINDS["profile_drag"](cd0=0.05), flights=8)
+    chosen = held_out(drag, "profile_drag", "camber").chosen
+    assert all("profile_drag" in kinds for kinds in chosen)
+    assert not any("camber" in kinds for kinds in chosen)
