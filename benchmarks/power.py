@@ -26,7 +26,7 @@ import numpy as np
 
 from glider.physics.parameter_space import OF_VEHICLE, ParameterSpace
 from glider.sysid.constants import RIVAL_GAP
-from glider.sysid.likelihood.candidates import tamed
+from glider.sysid.likelihood.candidates import tame
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import grams_of, linear_flights
@@ -92,7 +92,8 @@ def limits_of(
     candidates, is_usual = _candidates(task, model)
     always = slopes(task.space, task.vehicle.nuisance)
     columns = [*candidates, *always]
-    flights, _ = tamed(task, columns, linear_flights(task, model, columns))
+    flights = linear_flights(task, model, columns)
+    tame(task, columns, flights)
     steps, known = _beside(task, model, flights, len(candidates))
     scale = task.space.scale[[d.slot for d in candidates]]
     told = np.diag(known) * scale**2

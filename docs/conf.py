@@ -49,7 +49,6 @@ myst_substitutions = {
     "followed": f"{constants.FOLLOWED}",
     "folds": f"{constants.FOLDS}",
     "gain_error": f"{constants.GAIN_ERROR:.0%}",
-    "least_support": f"{constants.LEAST_SUPPORT:.0%}",
     "slight": f"{100 * constants.SLIGHT:.0f} %",
     "mostly": f"{100 * constants.MOSTLY:.0f} %",
     "explained": f"{100 * constants.EXPLAINED:.0f} %",

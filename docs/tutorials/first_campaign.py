@@ -65,7 +65,7 @@ print_summary(result, Console(width=88, force_jupyter=False, force_terminal=Fals
 #
 # - The **verdict** is a sentence.
 # - The **effect** is listed with its coefficients, their standard errors, and its
-#   evidence in nats, the log marginal likelihood that it gains. *Bootstrap inclusion
+#   evidence in nats, the log marginal likelihood that it gains. *Inclusion
 #   100 %* means that it does not depend on a few launches.
 # - The **errors** are those of free rollouts: each model flies on its own from a launch
 #   state fitted on the first fifth of a held-out flight. The columns are the nominal

@@ -4,7 +4,6 @@ import argparse
 
 from glider.commands.output import output, working
 from glider.commands.parsing import CommandParser, check_seed, names, output_folder
-from glider.errors import expect
 
 DESCRIPTION = """\
 Finds what a glider's model lacks, from logs of its flights.
@@ -47,19 +46,12 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_seed("of the split into fitted and held-out flights")
     words = "try only these effects; others cannot be found then (default: all)"
     parser.add_effects("--effects", words)
-    for option, words in (
-        ("--trim", "airspeed [m/s] of the steady glide that derivatives are taken at"),
-        ("--chord", "reference length of derivatives [m]"),
-    ):
-        parser.add_argument(option, metavar="X", type=float, help=words)
     parser.add_json("report.json instead of the summary")
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     check_seed(args.seed)
-    for name, value in (("--trim", args.trim), ("--chord", args.chord)):
-        expect(value is None or value > 0.0, name, value, "a positive number")
     folder = output_folder(args.out, args.campaign)
     with working() as progress:
         from glider.sysid.pipeline import close_the_loop
@@ -76,9 +68,6 @@ def run(args: argparse.Namespace) -> int:
     from glider.files.schema import json_text
     from glider.report.folder import write_report
     from glider.report.terminal import print_summary
-    from glider.sysid.derivatives import with_derivatives
-
-    result = with_derivatives(result, args.trim, args.chord)
 
     try:
         with working() as progress:

@@ -57,9 +57,6 @@ class Proposal:
     ending_air: float
     ending_now: float  #: The same by the standard errors of the coefficients [m].
     ending_then: float  #: The same after the throws.
-    #: "kind.coefficient" of the most probable explanation to its standard error now and
-    #: then, and its unit.
-    stds: dict[str, tuple[float, float, str]]
     seconds: float  #: That it took, once the explanations were fitted.
 
     @property
@@ -190,8 +187,6 @@ def propose(
     if len(explanations) > 1:
         progress("trying the throws on drawn gliders")
         chance = min(chance, max(now, everything.tried(throws, rng, _TRIED)))
-    before = everything.covariance()
-    after = everything.covariance(then)
     return Proposal(
         campaign=campaign.name,
         explanations=everything.explanations,
@@ -203,20 +198,7 @@ def propose(
         chance_then=chance,
         distances=everything.distances(futures),
         ending_air=scatter.air,
-        ending_now=scatter.by_parameters(before),
-        ending_then=scatter.by_parameters(after),
-        stds=_stds(task, explanations[0], before, after),
+        ending_now=scatter.by_parameters(everything.covariance()),
+        ending_then=scatter.by_parameters(everything.covariance(then)),
         seconds=time.perf_counter() - begin,
     )
-
-
-def _stds(
-    task: Task, explanation: Explanation, before: np.ndarray, after: np.ndarray
-) -> dict[str, tuple[float, float, str]]:
-    model = explanation.model
-    space = task.space
-    units = {space.names[slot]: space.entries[slot].unit for slot in model.free}
-    units |= {f"factor of {own.name}": "-" for own in model.functions}
-    stds = np.sqrt([np.diag(before), np.diag(after)]).T.tolist()
-    pairs = zip(units.items(), stds, strict=True)
-    return {name: (now, then, unit) for (name, unit), (now, then) in pairs}

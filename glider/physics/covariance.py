@@ -76,16 +76,6 @@ class Covariance:
         """Standard errors (m,)."""
         return np.sqrt(np.diag(self.matrix))
 
-    @property
-    def correlations(self) -> dict[str, dict[str, float]]:
-        """Correlations of all errors, each with the others, by their names."""
-        std = self.std
-        rows = (self.matrix / std[:, None] / std).tolist()
-        return {
-            a: {b: r for b, r in zip(self.names, row, strict=True) if b != a}
-            for a, row in zip(self.names, rows, strict=True)
-        }
-
 
 def check_names(names: Sequence[str], effects: Sequence[Effect]) -> None:
     """Raises InputError unless all names are of a glider with these effects."""

@@ -12,18 +12,15 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from glider.compiled.actuators import elevator_path
 from glider.experiments.proposal import Proposal
 from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
-from glider.report.numbers import format_estimate, format_length
+from glider.report.numbers import format_length
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
 from glider.report.wording import TEMPLATES
-from glider.sysid.result import Estimate
 from glider.systems.command_tape import tape_text
 
 _SURE = 0.99
@@ -160,10 +157,6 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
                 "coefficients_now": p.ending_now,
                 "coefficients_then": p.ending_then,
             },
-            "coefficients": {
-                name: {"std_now": now, "std_then": then, "unit": unit}
-                for name, (now, then, unit) in p.stds.items()
-            },
             "limits": dataclasses.asdict(p.place.limits),
             "seconds": p.seconds,
         }
@@ -183,16 +176,6 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
             highlight=False,
             soft_wrap=True,
         )
-    if not proposal.stds:
-        return
-    console.print()
-    table = Table(box=box.SIMPLE_HEAD)
-    for title in (proposal.explanations[0].name, "now ±", "then ±"):
-        table.add_column(title)
-    for name, (*stds, unit) in proposal.stds.items():
-        estimates = [Estimate(value=std, std=0.0, unit=unit) for std in stds]
-        table.add_row(name, *map(format_estimate, estimates))
-    console.print(table)
 
 
 def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:

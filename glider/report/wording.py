@@ -11,13 +11,10 @@ import jinja2
 from glider.physics.effects import KINDS
 from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of, unit_beside_floor
-from glider.sysid.result import Estimate, Result, excluded_among
+from glider.sysid.result import Estimate, Result
 
 _MOST_COEFFICIENTS = 8
 """An effect with more of them shows the first; all are in the files."""
-
-_MOST_PAIRS = 8
-_WORTH_SHOWING = 0.5  # Least |correlation| of a pair that is shown.
 
 
 def headline(result: Result) -> str:
@@ -56,20 +53,6 @@ def name_of(text: str) -> str:
 def notes_of(result: Result) -> list[str]:
     """Assumptions, as sentences."""
     return list(result.settings.get("notes", ()))
-
-
-def correlation_rows(result: Result) -> list[tuple[str, str, str]]:
-    """Pairs of coefficients with correlated errors, the closest first."""
-    pairs = {}
-
-    for a, row in result.correlations.items():
-        for b, value in row.items():
-            if a != b and abs(value) >= _WORTH_SHOWING:  # False for NaN.
-                pair = tuple(sorted((a, b)))
-                pairs[pair] = value
-
-    ranked = sorted(pairs.items(), key=lambda pair: -abs(pair[1]))
-    return [(a, b, f"{value:+.2f}") for (a, b), value in ranked[:_MOST_PAIRS]]
 
 
 _CLOCKS = {
@@ -117,16 +100,12 @@ TEMPLATES = jinja2.Environment(
 )
 """Templates of pages and of sentences."""
 
-TEMPLATES.tests["is_better"] = lambda fold: (
-    fold.corrected.position_rms_m < fold.refitted.position_rms_m
-)
 TEMPLATES.globals |= {
     "DIVERGED": numbers.DIVERGED,
     "angle": numbers.format_angle,
     "baseline": baseline,
     "both": lambda r: all(r.errors.get(m) for m in (baseline(r), "corrected")),
     "counted": counted,
-    "excluded_among": excluded_among,
     "error": lambda r, model: error_of(r, model, FREE),
     "estimate": numbers.format_estimate,
     "evidence": numbers.format_evidence,

@@ -19,7 +19,7 @@ from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.log_space import log_space_of, vector_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
-from glider.sysid.replay.replayed import flow_along, signals
+from glider.sysid.replay.replayed import signals, trimmed, true_nodes
 from glider.sysid.replay.vehicle import make_vehicle
 
 _LARGEST_POSITION = 100.0
@@ -179,7 +179,9 @@ def _forces(record: Record, model: GliderModel, trim: float) -> np.ndarray:
     """Returns the model's forces of the plates along the smoothed flight, (n, 2)."""
     theta = vector_of(model)
     gaussians = model.gaussians
-    nodes, _ = flow_along(record, theta, gaussians, trim)
+    moved, shift = trimmed(record, theta, trim)
+    nodes = true_nodes(record, moved, gaussians)
+    nodes[:, OFFSET] = shift
     path, rate = signals(record, theta).at_nodes
     chain = compose(record.space.flown)
     numbers = chain.theta_of(theta, gaussians)

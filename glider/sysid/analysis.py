@@ -23,10 +23,7 @@ from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, POSITION_SCALE
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
-from glider.sysid.constants import FOLDS
-from glider.sysid.derivatives import with_derivatives
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
-from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
@@ -35,7 +32,7 @@ from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
-from glider.sysid.verdict import find_doubt, judge, with_excluded
+from glider.sysid.verdict import find_doubt, judge
 
 _SHARES = {
     "compile": 0.06,
@@ -92,37 +89,40 @@ class Analysis:
 
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(task, model)
-            evaluated, folds = evaluate(
+            evaluated, tests = evaluate(
                 found, self.held_out, baseline, spreads, self.rng
             )
 
         with self.stage("weigh", "standard errors"):
             alternatives, known = _weigh(found)
-            effects = outcome.effects_of(task, traced, known, spreads, flights.signs)
+            effects = outcome.effects_of(
+                task, traced, tests, known, spreads, flights.signs
+            )
 
         campaign = self.inspection.campaign
-        doubt = self._doubt(found)
+        doubt = find_doubt(task, model)
+        if doubt is None and POSITION_SCALE.kind not in model.kinds:
+            wrong = [s for s in self.inspection.warnings if s.startswith(SCALE)]
+            doubt = wrong[0].rstrip(".") if wrong else None
         verdict, reason = judge(
-            traced, folds, evaluated["errors"], effects, evaluated["left"], doubt
+            traced, tests.gains, evaluated["errors"], effects, evaluated["left"], doubt
         )
         rows = [s for s in self.inspection.excluded if s.file not in found.outlying]
         for name, why in found.outlying.items():
             rows.append(ExcludedRows(file=name, rows=ALL, why=why))
-        excluded = result.excluded_among(rows)
         flown = tuple(flight.name for flight in evaluated["held_out"])
         fitted = tuple(name for name in self.fitted if name not in found.outlying)
         flights_of = result.FlightNames(fitted, flown)
         covariance = outcome.covariance_of(task, known)
-        of_effects = covariance and covariance.among(model.kinds)
         scales = model.scales
         space = self.vehicle.space
-        whole = result.Result(
+        return result.Result(
             campaign=campaign.name,
             path=campaign.path,
             flights=flights_of,
             knows_forces=self.vehicle.knows_forces,
             verdict=verdict,
-            reason=with_excluded(reason, excluded, flights_of.count + len(excluded)),
+            reason=reason,
             effects=effects,
             **evaluated,
             evidence_threshold=traced.threshold,
@@ -133,8 +133,7 @@ class Analysis:
             model=alternatives[0].model,
             alternatives=alternatives,
             covariance=covariance,
-            correlations=of_effects.correlations if of_effects else {},
-            warnings=tuple(self._warnings(found, flown, folds)),
+            warnings=tuple(self._warnings(found, flown)),
             set_aside=tuple(sorted(rows, key=lambda s: s.file)),
             noise=result.MeasurementNoise(flights.noise.position, flights.noise.pitch),
             log_findings=self.inspection.warnings + flights.findings,
@@ -144,7 +143,6 @@ class Analysis:
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
         )
-        return with_derivatives(whole)
 
     def _smooth(self) -> SmoothedFlights:
         """Turns wrong signs back and smooths all flights."""
@@ -173,11 +171,7 @@ class Analysis:
         return SmoothedFlights(campaign, signs, noise, records, as_logged, of_servo)
 
     def _search(self, flights: SmoothedFlights) -> Searched:
-        """Searches the effects that the flights to fit show, without outliers.
-
-        Outliers among the flights to fit are excluded; those among the held-out flights
-        are scored apart.
-        """
+        """Searches the effects that the flights to fit show, without outliers."""
         noise = flights.noise
         records = [*flights.corrected.values()]
         with self.stage("compare", "comparing flights"):
@@ -192,16 +186,16 @@ class Analysis:
             everything, task = self._without(outlying, everything)
 
         with self.stage("trace"):
-            traced = trace(task, noise, self.rng, self.progress)
+            traced = trace(task, noise, self.progress)
             if extreme := find_extreme(everything, traced.model):
                 again = sorted(r.name for r in task.records if r.name in extreme)
                 everything, task = self._without(extreme, everything)
                 outlying |= extreme
                 if again:
                     self.progress(f"again without {', '.join(again)}")
-                    traced = trace(task, noise, self.rng, self.progress)
+                    traced = trace(task, noise, self.progress)
 
-        return Searched(flights, everything, task, traced, outlying, extreme)
+        return Searched(flights, everything, task, traced, outlying)
 
     def _without(
         self, outlying: Mapping[str, str], everything: Task
@@ -217,18 +211,7 @@ class Analysis:
             )
         return everything.on(kept), everything.on(fitted)
 
-    def _doubt(self, found: Searched) -> str | None:
-        """Finds the reason why the model cannot be trusted: one clause, or None."""
-        doubt = find_doubt(found.task, found.traced.model)
-        if doubt is None and POSITION_SCALE.kind not in found.traced.model.kinds:
-            for warning in self.inspection.warnings:
-                if warning.startswith(SCALE):
-                    return warning.rstrip(".")
-        return doubt
-
-    def _warnings(
-        self, found: Searched, flown: Collection[str], folds: HeldOut | None
-    ) -> Iterator[str]:
+    def _warnings(self, found: Searched, flown: Collection[str]) -> Iterator[str]:
         """Yields sentences about what limits the result."""
         if (tried := self.settings["effects"]) is not None:
             others = len({*self.vehicle.kinds} - {*tried})
@@ -239,35 +222,12 @@ class Analysis:
                 "those that were tried."
             )
 
-        is_measured = found.flights.campaign.servo.angle == "measured"
-        for record in found.flights.corrected.values():
-            if record.has_servo and is_measured and not record.seen[:, 3].any():
-                yield (
-                    f"{record.name}: no elevator row counts; the elevator is assumed "
-                    "where its commands have it."
-                )
-
         for name in self.held_out:
             if name not in found.outlying and name not in flown:
                 yield (
                     f"{name}: every model diverges on this held-out flight; it is "
                     "excluded from the errors."
                 )
-
-        if folds is None:
-            return
-        for name in folds.apart:
-            if name not in found.outlying:
-                yield (
-                    f"{name}: the corrected model explains it far worse than others "
-                    "(are rows or commands wrong?); in the folds it is predicted and "
-                    "not fitted."
-                )
-
-        gains = folds.gain.values
-        lost = np.count_nonzero(gains < 0.0)
-        if found.traced.model.kinds and FOLDS * lost > len(gains):
-            yield f"The correction does not improve {lost} of {len(gains)} flights."
 
 
 def _weigh(found: Searched) -> tuple[tuple[result.Alternative, ...], Uncertainty]:

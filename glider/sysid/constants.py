@@ -12,7 +12,7 @@ import math
 # is claimed to have a fault.
 UNLIKELY = 1.0 / 400.0
 # Standard errors of what is not by chance, whatever is tried (d): no flight counts for
-# more, and coarse noise is so many times the usual one.
+# more.
 Z = 5.0
 # Evidence, a gain of marginal likelihood, by which a search leaves one set for another,
 # and which rivals lack at most [nats]; and that an effect must bring beside others, of
@@ -45,6 +45,11 @@ TAIL_SPREAD = 0.1
 CLOCK_ERROR = 0.015
 
 # ---------------------------------------------------------- outlying flights
+# Noise over the usual one under which flights, and their signs, are compared: errors of
+# any one model count little (c).
+COARSE_NOISE = 5.0
+# Flights for each that may be an outlier: more outliers are no exceptions (c).
+PER_OUTLIER = 5
 # Least deviation of a log mean square: twice the median one (m: docs/how_it_works.md).
 LEAST_DEVIATION = 0.15
 # Flight-to-flight variation that is reported, in a coefficient's scale (c).
@@ -70,7 +75,6 @@ ALONG_ATTITUDE = {  # Noise of flights along their attitude, which ignore moment
 MOST_EFFECTS = 8  # Of a set (c): logs that contradict themselves call for any number.
 # Best sets that are followed up: by larger ones, by fits, by averages (c): each costs.
 FOLLOWED = 3
-LEAST_SUPPORT = 0.85  # Share of drawn flights that choose an effect or a rival (c).
 # Share of the evidence that may be left out to first order, by a smaller set (c).
 SLACK = 0.1
 
@@ -84,9 +88,7 @@ RESOLVED = 0.02
 LEADING = 0.1
 
 # --------------------------------------------- predictions of held-out flights
-# Parts of the flights, each held out once: of fewer flights, none is an outlier. More
-# than one part are no exceptions, as outliers or where a correction is worse (c).
-FOLDS = 5
+FOLDS = 5  # Parts of the flights, each held out once (c).
 BEGINNING = 0.2  # Share of a flight on which its launch state is fitted (c).
 WORSE = 1.001  # Ratio of errors above which flights got worse: below is a tie (c).
 

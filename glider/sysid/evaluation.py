@@ -18,15 +18,13 @@ from glider.sysid.fit.floor import find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import compare, flown_by
 from glider.sysid.likelihood.candidates import survey
-from glider.sysid.likelihood.outliers import find_unexplained
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table
 from glider.sysid.result import MODELS, PERFECT, ResidualTable, Spread
-from glider.sysid.search.support import SearchResult
-from glider.sysid.search.tracing import forces_alone
+from glider.sysid.search.tracing import SearchResult, forces_alone
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +56,6 @@ class Searched:
     task: Task  #: On those to fit.
     traced: SearchResult
     outlying: Mapping[str, str]  #: Names of flights that stand out, and why.
-    extreme: Collection[str]  #: Those of them that only the corrected model excludes.
 
 
 def evaluate(
@@ -67,27 +64,36 @@ def evaluate(
     baseline: FitResult,
     spreads: Mapping[str, Spread],
     rng: np.random.Generator,
-) -> tuple[dict[str, Any], HeldOut | None]:
+) -> tuple[dict[str, Any], HeldOut]:
     """Predicts held-out flights, whose names are given, by all models.
 
-    Returns fields of `Result`, and each flight held out once where signs are right.
+    Returns fields of `Result`, and what each flight says that is held out once.
     """
     task = searched.task
     traced = searched.traced
     flights = searched.flights
-    fitted = _fitted_models(task, traced, baseline)
     scales = traced.model.scales
+    fitted = {"refitted": baseline, "corrected": traced.model}
+    if task.vehicle.is_known:
+        fixed = dataclasses.replace(baseline, theta=task.vehicle.theta, free=())
+        fitted = {"nominal": fixed, **fitted}
     models = {name: flown_by(task, model, scales) for name, model in fitted.items()}
-
-    def flown(names: Sequence[str]) -> prediction.Compared:
-        return compare({n: (own, flights.of(n, names)) for n, own in models.items()})
 
     usual = [record.name for record in searched.everything.records]
     unseen = [name for name in usual if name in held_out]
-    apart = tuple(n for n in flights.corrected if n in held_out and n not in usual)
-    found = flown(unseen)
+    found = compare({n: (own, flights.of(n, unseen)) for n, own in models.items()})
     kept = [unseen[i] for i in found.kept]
-    tests = _hold_out(searched, baseline, rng)
+    corrected = traced.model
+    others = {"refitted": baseline}
+    if traced.forces is not None:
+        corrected = forces_alone(task, corrected, traced.forces)
+        others["refitted"] = forces_alone(task, baseline, traced.forces)
+    elif task.vehicle.is_known:
+        others["nominal"] = traced.bare
+    if not flights.signs.are_right:  # They are not of the same log: there is no gain.
+        others = {}
+    tests = hold_out(searched.everything, corrected, others, rng)
+
     records = flights.of("corrected", usual)
     own = models["corrected"]
     of_nominal = models.get("nominal", models["refitted"])
@@ -101,30 +107,40 @@ def evaluate(
     is_kept = np.isin(after.flight, [after.names.index(name) for name in kept])
     perfect = floor.errors(prediction.rms(after.noise[is_kept]), len(kept))
     errors = dict.fromkeys(MODELS) | found.errors | {PERFECT: perfect}
-    paths = None
-    if tests:
-        paths = np.array([tests.paths[r.name]["corrected"] for r in first])
-    outliers = None
-    if apart:
-        alone = flown(apart).errors
-        together = flown([*kept, *apart]).errors
-        outliers = result.OutlyingFlights(apart, {**alone}, {**together})
+    flown = [found.predictions["corrected"][i] for i in found.kept]
+    predict = functools.partial(prediction.predict, own)
+    flown += in_parallel(predict, first[len(kept) :])
+    squares = map(prediction.mean_squares, first, flown)
+    paths = np.sqrt([square[:2] for square in squares])
+    turned = np.array([1.0, 1.0, flights.signs.pitch])
+    shown = []
+    for i in found.kept:
+        record = flights.corrected[unseen[i]]
+        rows = prediction.beginning_rows(record.time, own.per_flight_trims)
+        poses = {name: p[i].pose for name, p in found.predictions.items()}
+        shown.append(
+            result.HeldOutFlight(
+                name=record.name,
+                time=record.time,
+                measured=record.pose * turned,
+                flown=poses | {"corrected": poses["corrected"] * turned},
+                fitted_until=float(record.time[rows - 1]),
+            )
+        )
 
     left = found.errors["corrected"]
     along = left.rollout_measured_pitch.position_rms_m
     return {
         "errors": errors,
-        "outlying": outliers,
-        "folds": tests.folds if tests else (),
         "left": result.Residual(
             position_m=left.position_rms_m,
             ratio_to_floor=left.position_rms_m / perfect.position_rms_m,
             ratio_along_pitch=along / perfect.rollout_measured_pitch.position_rms_m,
             most_by_chance=floor.most_by_chance(len(kept)),
-            chance=np.nan if paths is None else floor.chance(paths),
+            chance=floor.chance(paths),
             depends_on=_variables_of(task, traced.judged),
         ),
-        "held_out": _flights(flights, unseen, found, own.per_flight_trims),
+        "held_out": tuple(shown),
         "residual_before": before,
         "residual_after": after,
     }, tests
@@ -158,73 +174,8 @@ def without_model_errors(traced: SearchResult, spreads: Mapping[str, Spread]) ->
     ).without_floors
 
 
-def _fitted_models(
-    task: Task, traced: SearchResult, baseline: FitResult
-) -> dict[str, FitResult]:
-    """The models to evaluate, by name; the nominal one only where it is known."""
-    fitted = {"refitted": baseline, "corrected": traced.model}
-    if not task.vehicle.is_known:
-        return fitted
-    nominal = dataclasses.replace(baseline, theta=task.vehicle.theta, free=())
-    return {"nominal": nominal, **fitted}
-
-
-def _hold_out(
-    searched: Searched, baseline: FitResult, rng: np.random.Generator
-) -> HeldOut | None:
-    """Holds out each flight once, baseline and corrected model refitted.
-
-    Flights that only the corrected model takes for outlying, or that it explains far
-    worse than the others, are scored, not fitted.
-    """
-    flights = searched.flights
-    traced = searched.traced
-    nominal = None
-    if not flights.signs.are_right:
-        return None
-    usual = [record.name for record in searched.everything.records]
-    scored = {*searched.extreme, *usual}
-    task = searched.task.on([r for r in flights.corrected.values() if r.name in scored])
-    corrected = traced.model
-    scales = traced.model.scales
-    apart = {*searched.extreme, *find_unexplained(task, corrected)}
-    if traced.forces is not None:
-        baseline = forces_alone(task, baseline, traced.forces)
-        corrected = forces_alone(task, corrected, traced.forces)
-    elif task.vehicle.is_known:
-        nominal = traced.bare
-
-    return hold_out(task, baseline, corrected, scales, rng, apart, nominal)
-
-
 def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """A model's residual over flights, each with the trim that it has."""
     find_launch = functools.partial(prediction.find_launch, flown)
     trims = [float(a.constants[2]) for _, a in in_parallel(find_launch, records)]
     return make_table(records, flown.theta, trims, flown.gaussians)
-
-
-def _flights(
-    flights: SmoothedFlights,
-    names: Sequence[str],
-    found: prediction.Compared,
-    per_flight_trims: bool,
-) -> tuple[result.HeldOutFlight, ...]:
-    """Held-out flights that are kept as logged, beside what each model predicted."""
-    turned = np.array([1.0, 1.0, flights.signs.pitch])
-    own = []
-    for i in found.kept:
-        record = flights.corrected[names[i]]
-        rows = prediction.beginning_rows(record.time, per_flight_trims)
-        flown = {n: p[i].pose for n, p in found.predictions.items()}
-        own.append(
-            result.HeldOutFlight(
-                name=record.name,
-                time=record.time,
-                measured=record.pose * turned,
-                flown=flown | {"corrected": flown["corrected"] * turned},
-                fitted_until=float(record.time[rows - 1]),
-            )
-        )
-
-    return tuple(own)

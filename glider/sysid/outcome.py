@@ -8,13 +8,14 @@ import numpy as np
 
 from glider.campaign.turning import Signs
 from glider.physics.covariance import Covariance
-from glider.physics.effects import ANGLE_SIGN, CAMBER, LIBRARY, POSE_LATENCY
+from glider.physics.effects import ANGLE_SIGN, LIBRARY, POSE_LATENCY
 from glider.physics.effects.families import FAMILIES
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.physics.model import GliderModel
 from glider.physics.parameter_space import OF_VEHICLE
 from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
+from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.fitted_functions import FittedFunction
 from glider.sysid.likelihood.model_fit import error_flights
@@ -24,7 +25,7 @@ from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.result import Estimate, FoundEffect, Spread
-from glider.sysid.search.support import SearchResult
+from glider.sysid.search.tracing import SearchResult
 
 SPREAD_KINDS = {kind.kind: kind.varies_by for kind in LIBRARY if kind.varies_by}
 """Kinds that vary from flight to flight, and the scale of their variation."""
@@ -73,6 +74,7 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
 def effects_of(
     task: Task,
     traced: SearchResult,
+    tests: HeldOut,
     known: Uncertainty,
     spreads: Mapping[str, Spread],
     signs: Signs,
@@ -95,7 +97,17 @@ def effects_of(
     whole = max(sum(evidence.values()), 1e-9)
     found = []
     if not signs.are_right:
-        found.append(_sign_entry(signs))
+        turned = signs.effect.to_dict()
+        found.append(
+            FoundEffect(
+                kind=ANGLE_SIGN.kind,
+                words=ANGLE_SIGN.words,
+                coefficients={n: Estimate(v, 0.0, "-") for n, v in turned.items()},
+                evidence=signs.evidence,
+                share_of_residual=signs.share,
+                depends_on=ANGLE_SIGN.depends_on,
+            )
+        )
     for first, *bending in members.values():
         if first in functions:
             entry = _function_entry(functions[first], names[first], known)
@@ -108,31 +120,32 @@ def effects_of(
                 entry,
                 evidence=brought,
                 share_of_residual=float(np.clip(brought / whole, 0.0, 1.0)),
-                inclusion=traced.weighed[first].inclusion,
-                indistinguishable_from=_rivals_of(task, traced, names, first),
+                inclusion=tests.inclusion(first),
+                indistinguishable_from=_rivals_of(task, traced, tests, names, first),
             )
         )
 
     if found and not task.vehicle.per_flight_trims:
-        for kind, spread in spreads.items():
-            if kind not in model.kinds:
-                found.append(_spread_entry(task, kind, spread))
+        for varying, spread in spreads.items():
+            if varying in model.kinds:
+                continue
+            effect = task.space.kinds[varying]
+            coefficient = effect.coefficients[0].name
+            values = list(spread.values.values())
+            std = spread.std / math.sqrt(len(values))
+            mean = Estimate(float(np.mean(values)), std, spread.unit)
+            found.append(
+                FoundEffect(
+                    kind=varying,
+                    words=f"{effect.words}, different in each flight",
+                    coefficients={coefficient: mean},
+                    inclusion=math.nan,
+                    spread_over_flights={coefficient: spread.std},
+                    depends_on=effect.depends_on,
+                )
+            )
 
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
-
-
-def _sign_entry(signs: Signs) -> FoundEffect:
-    coefficients = {}
-    for name, value in signs.effect.to_dict().items():
-        coefficients[name] = Estimate(value, 0.0, "-")
-    return FoundEffect(
-        kind=ANGLE_SIGN.kind,
-        words=ANGLE_SIGN.words,
-        coefficients=coefficients,
-        evidence=signs.evidence,
-        share_of_residual=signs.share,
-        depends_on=ANGLE_SIGN.depends_on,
-    )
 
 
 def _formula_entry(
@@ -177,8 +190,6 @@ def _function_entry(
     if kind == result.UNEXPLAINED:
         words = f"no effect of the library: {words}"
         shape = result.LIBRARY_SHAPE
-    elif kind == CAMBER.kind and function.variables == ("alpha",):
-        coefficients["zero_lift_angle"] = _zero_lift_angle(function, known)
 
     return FoundEffect(
         kind=kind,
@@ -190,20 +201,8 @@ def _function_entry(
     )
 
 
-def _zero_lift_angle(function: FittedFunction, known: Uncertainty) -> Estimate:
-    """What a normal force over the angle of attack says of a camber's coefficient.
-
-    Its formula is -2 sin of that angle at α = 0.
-    """
-    [at_zero] = function.gaussians(np.zeros((1, 1)))
-    row = -0.5 * at_zero @ function.mix
-    value = float(row @ function.coordinates)
-    std = known.std_along(known.places[function.name], row)
-    return Estimate(value, float(std), "rad")
-
-
 def _rivals_of(
-    task: Task, traced: SearchResult, names: Mapping[str, str], own: str
+    task: Task, traced: SearchResult, tests: HeldOut, names: Mapping[str, str], own: str
 ) -> tuple[str, ...]:
     """Returns the formulas that would do as well in the place of an effect.
 
@@ -214,7 +213,7 @@ def _rivals_of(
     formulas = {*traced.model.kinds} - FAMILIES.keys()
     found = set[str]()
     if own not in FAMILIES:
-        found.update(traced.weighed[own].rivals)
+        found.update(tests.alike.get(own, ()))
     for rival, _ in traced.rivals:
         its = {*rival.kinds}
         has_all_others = formulas - its <= {own}
@@ -248,23 +247,6 @@ def _find_peak(function: FittedFunction, known: Uncertainty) -> dict[str, Estima
         found[f"{term}_peak_at_{variable}"] = at
 
     return found
-
-
-def _spread_entry(task: Task, name: str, spread: Spread) -> FoundEffect:
-    """A flight-to-flight variation as an effect, with the mean over flights."""
-    kind = task.space.kinds[name]
-    values = list(spread.values.values())
-    coefficient = kind.coefficients[0].name
-    mean = float(np.mean(values))
-    std = spread.std / math.sqrt(len(values))
-    return FoundEffect(
-        kind=name,
-        words=f"{kind.words}, different in each flight",
-        coefficients={coefficient: Estimate(mean, std, spread.unit)},
-        inclusion=math.nan,
-        spread_over_flights={coefficient: spread.std},
-        depends_on=kind.depends_on,
-    )
 
 
 def model_of(task: Task, model: FitResult, signs: Signs) -> GliderModel:
@@ -301,15 +283,14 @@ def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Es
 
 
 def clocks_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Estimate]:
-    """Offsets of clocks, and biases of sensors, that were estimated, by name."""
+    """Offsets of the log's clocks that were estimated, by name [ms]."""
     found = {}
-    for slot in task.vehicle.of_log:
-        own = task.space.entries[slot]
-        if task.space.owners[slot] == SERVO_LOG.kind and slot in known.free:
+    for slot in task.space.slots_of(SERVO_LOG.kind):
+        if slot in known.free:
             variance, _ = known.of([known.free.index(slot)])
-            size, unit = (1e3, "ms") if own.unit == "s" else (1.0, own.unit)
-            std = size * math.sqrt(variance[0, 0])
-            found[own.name] = Estimate(size * float(model.theta[slot]), std, unit)
+            value = 1e3 * float(model.theta[slot])
+            std = 1e3 * math.sqrt(variance[0, 0])
+            found[task.space.entries[slot].name] = Estimate(value, std, "ms")
     return found
 
 

@@ -19,7 +19,6 @@ from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
 from glider.progress import Progress, Step, silent
 
 if TYPE_CHECKING:
-    from glider.sysid.replay.vehicle import Vehicle
     from glider.sysid.result import Result
 
 
@@ -48,7 +47,18 @@ def close_the_loop(
         InputError: the campaign or an argument cannot be used.
     """
     own = tuple(own_effects)
-    _check(held_out, effects, own)
+    expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
+    if effects is not None and not effects:
+        raise InputError("found no effect to try; expected the name of at least one.")
+    if own:
+        from glider.sysid.replay.log_space import log_space
+
+        log_space(own)  # Kept: checked once.
+    known = (*KINDS, *(e.kind for e in own))
+    for name in effects or ():
+        if name not in known:
+            raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
+
     begin = time.perf_counter()
     progress(Step("read", 0.0))
     if not isinstance(campaign, Campaign):
@@ -61,8 +71,17 @@ def close_the_loop(
         split = split_flights(inspection.campaign, held_out, seed)
         seconds = {"read": time.perf_counter() - begin}
         given = {"flights": flights, "effects": effects}
-        vehicle, kinds = _to_try(inspection.campaign, effects, own)
         from glider.sysid.analysis import Analysis
+        from glider.sysid.replay.log_space import log_space
+        from glider.sysid.replay.vehicle import make_vehicle
+
+        vehicle = make_vehicle(inspection.campaign, log_space(own))
+        kinds = tuple(k for k in vehicle.kinds if effects is None or k in effects)
+        if effects is not None and not kinds and ANGLE_SIGN.kind not in effects:
+            raise InputError(
+                f"none of the effects {', '.join(effects)} can be identified from what "
+                "this campaign logs and leaves unknown."
+            )
 
         return Analysis(
             progress=progress,
@@ -81,39 +100,3 @@ def close_the_loop(
                 "notes": list(vehicle.notes),
             },
         ).run()
-
-
-def _check(
-    held_out: float, effects: Sequence[str] | None, own: tuple[EffectKind, ...]
-) -> None:
-    """Raises InputError unless the share, the names and user effects can be used."""
-    expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
-    if effects is not None and not effects:
-        raise InputError("found no effect to try; expected the name of at least one.")
-    if own:
-        from glider.sysid.replay.log_space import log_space
-
-        log_space(own)  # Kept: checked once.
-
-    known = (*KINDS, *(e.kind for e in own))
-    for name in effects or ():
-        if name not in known:
-            raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
-
-
-def _to_try(
-    campaign: Campaign, effects: Sequence[str] | None, own: tuple[EffectKind, ...]
-) -> tuple["Vehicle", tuple[str, ...]]:
-    """The vehicle, and the kinds that were asked for and that these logs could show."""
-    from glider.sysid.replay.log_space import log_space
-    from glider.sysid.replay.vehicle import make_vehicle
-
-    vehicle = make_vehicle(campaign, log_space(own))
-    kinds = tuple(k for k in vehicle.kinds if effects is None or k in effects)
-    if effects is not None and not kinds and ANGLE_SIGN.kind not in effects:
-        raise InputError(
-            f"none of the effects {', '.join(effects)} can be identified from what "
-            "this campaign logs and leaves unknown."
-        )
-
-    return vehicle, kinds

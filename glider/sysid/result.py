@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.campaign.checks.masks import ALL, ExcludedRows
+from glider.campaign.checks.masks import ExcludedRows
 from glider.errors import InputError, expect
 from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
@@ -51,7 +51,7 @@ class FoundEffect:
     coefficients: dict[str, Estimate]  #: By name.
     evidence: Number = math.nan  #: Log-likelihood lost without it, if any [nats].
     share_of_residual: Number = math.nan  #: Of all the evidence, 0 to 1.
-    inclusion: Number = 1.0  #: Share of resampled flights that choose it, 0 to 1.
+    inclusion: Number = 1.0  #: Share of the folds that find it again, 0 to 1.
     #: Flight-to-flight standard deviations of coefficients that vary.
     spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model has a free function.
@@ -93,9 +93,9 @@ class Residual:
     def exceeds_chance(self) -> bool:
         """Whether there is more than noise and moving air: an effect, found or not.
 
-        A perfect model would leave as much over the folds with a probability below
-        UNLIKELY, where a ratio is above one: folds are fitted to fewer flights. Or the
-        held-out flights, which are few, show MOST_LEFT times what chance explains.
+        A perfect model would leave as much on all flights with a probability below
+        UNLIKELY, where a ratio on the held-out ones is above one. Or these, which are
+        few, show MOST_LEFT times what chance explains.
         """
         is_more = self.ratio_to_floor > 1.0 or self.ratio_along_pitch > 1.0
         is_improbable = is_more and self.chance < UNLIKELY
@@ -147,15 +147,6 @@ class Errors:
         return self.rollout.position_rms_m
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Fold:
-    """Errors on held-out flights of baseline and corrected model without them."""
-
-    held_out: tuple[str, ...]
-    refitted: Errors
-    corrected: Errors
-
-
 @dataclasses.dataclass(frozen=True)
 class FlightNames:
     """Names of flights."""
@@ -178,35 +169,6 @@ class MeasurementNoise:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Derivatives:
-    """Stability and control derivatives, see `glider.sysid.derivatives`."""
-
-    condition: str  #: In words.
-    airspeed_m_s: Number
-    alpha_rad: Number
-    delta_e_rad: Number
-    area_m2: Number
-    length_m: Number
-    length: str  #: In words.
-    values: dict[str, Estimate]  #: C_L, C_L_alpha to C_m_delta_e.
-
-
-@dataclasses.dataclass(frozen=True)
-class OutlyingFlights:
-    """Held-out flights that no model explains together with the others."""
-
-    flights: tuple[str, ...]
-    errors: dict[str, Errors | None]  #: By model, on them alone.
-    #: The same on all held-out flights, these included; older versions have none.
-    with_others: dict[str, Errors | None] = dataclasses.field(default_factory=dict)
-
-
-def excluded_among(set_aside: Sequence[ExcludedRows]) -> dict[str, str]:
-    """Returns the flights that are excluded as a whole, by name, and why."""
-    return {own.file: own.why for own in set_aside if own.rows == ALL}
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
 class Report:
     """The part of a result that report.json holds."""
 
@@ -216,15 +178,10 @@ class Report:
     reason: str
     effects: Sequence[FoundEffect]
     errors: dict[str, Errors | None]  #: By model; None of one that there is not.
-    outlying: OutlyingFlights | None = None  #: Not in `errors`; None without any.
     evidence_threshold: Number  #: Evidence of an effect beside others, at least [nats].
-    folds: tuple[Fold, ...]
     left: Residual
     air: Air
     spreads: dict[str, Spread]  #: Flight-to-flight variations, by name.
-    #: "kind.coefficient" to the same to the correlation of their errors.
-    correlations: dict[str, dict[str, Number]]
-    derivatives: Derivatives | None = None  #: Older versions have none.
     vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
     warnings: tuple[str, ...]
     set_aside: tuple[ExcludedRows, ...]

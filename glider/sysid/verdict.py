@@ -7,7 +7,7 @@ clock that runs slow.
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -16,13 +16,13 @@ from glider.physics.effects import ELEVATOR_SCALE, LIBRARY, POSE_LATENCY
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.sysid import constants
 from glider.sysid.constants import WORSE
-from glider.sysid.fit.folds import WAYS, Gains, HeldOut, ratio_of
+from glider.sysid.fit.folds import Gains
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.replay.replayed import signals
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
-from glider.sysid.search.support import SearchResult
+from glider.sysid.search.tracing import SearchResult
 
 _AT_CEILING = 0.97  # Share of the largest scale, which a fit only comes near.
 
@@ -131,13 +131,16 @@ _AllErrors = dict[str, Errors | None]
 
 def judge(
     traced: SearchResult,
-    held_out: HeldOut | None,
+    gains: Mapping[str, Gains],
     errors: _AllErrors,
     effects: Sequence[FoundEffect],
     left: Residual,
     doubt: str | None,
 ) -> tuple[str, str]:
-    """Returns the verdict and the sentence that says why."""
+    """Returns the verdict and the sentence that says why.
+
+    `gains` are those of the correction over each other model, see `folds.hold_out`.
+    """
     rest = _beyond_floor(left)
     unexplained = f"No effect of the library explains what the flat plate lacks{rest}."
     if not effects and not traced.model.kinds:
@@ -160,7 +163,7 @@ def judge(
 
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."
-    doubt, is_as_plate = _not_better(traced.model, held_out, errors)
+    doubt, is_as_plate = _not_better(traced.model, gains, errors)
     if doubt is not None:
         return "not_trusted", doubt
     if rest or any(e.kind == "unexplained" for e in effects):
@@ -185,15 +188,6 @@ def judge(
         )
 
     return "effect_found", f"{reason}."
-
-
-def with_excluded(reason: str, excluded: Collection[str], count: int) -> str:
-    """Returns a verdict's reason with the flights that it is not about, if any."""
-    if not excluded:
-        return reason
-    are = "is" if len(excluded) == 1 else "are"
-    names = ", ".join(excluded)
-    return f"{reason} {len(excluded)} of {count} flights {are} excluded: {names}."
 
 
 def _beyond_floor(left: Residual) -> str:
@@ -223,7 +217,7 @@ def _changes_baseline_alone(model: FitResult) -> bool:
 
 
 def _not_better(
-    model: FitResult, held_out: HeldOut | None, errors: _AllErrors
+    model: FitResult, gains: Mapping[str, Gains], errors: _AllErrors
 ) -> tuple[str | None, bool]:
     """Reason why the correction is no better than baseline and nominal model, or None.
 
@@ -236,24 +230,11 @@ def _not_better(
     than_given = None
     if errors.get("nominal") is not None:  # Of a glider of known mass and areas.
         than_given = _worse(errors, "nominal", nominal)
-    if held_out is None:
+    if not gains:
         return worse or than_given, False
-    gain = held_out.gain
-    over = held_out.over_nominal
-    if over is not None and (ratio := held_out.over_median("nominal")) > WORSE:
-        than_given = than_given or (
-            f"Half of the flights held out in folds, flown {WAYS[0]}, have at least "
-            f"{ratio:.4g} times the error of the {nominal} with the correction."
-        )
-
+    gain = gains["refitted"]
+    over = gains.get("nominal")
     doubt = _no_gain(gain, baseline) or worse
-    for way in WAYS:
-        if doubt is None and held_out.is_worse(way):
-            doubt = (
-                f"Flights held out in folds, flown {way}, are worse with the "
-                f"correction than with the {baseline} (t = {held_out.lost(way).t:.1f})."
-            )
-
     if doubt is None or over is None or not _changes_baseline_alone(model):
         return doubt or than_given, False
     is_lost = gain.t < -gain.least_t
@@ -265,16 +246,10 @@ def _no_gain(gain: Gains, over: str) -> str | None:
     """Sentence about a correction that gains too little on held-out flights."""
     if gain.are_significant:
         return None
-    numbers = f"(t = {gain.t:.1f}, expected {gain.least_t:.1f})"
-    if gain.would_suffice:
-        return (
-            f"The correction gains over the {over} on flights held out in folds, but "
-            f"{len(gain.values)} flights are too few to exclude chance {numbers}."
-        )
-
     return (
-        "On flights held out in folds the correction does not gain significantly over "
-        f"the {over} {numbers}."
+        f"On {len(gain.values)} flights, held out in folds, the correction gains "
+        f"nothing significant over the {over} (t = {gain.t:.1f}, expected "
+        f"{gain.least_t:.1f}; more with fewer flights)."
     )
 
 
@@ -283,10 +258,10 @@ def _worse(errors: _AllErrors, model: str, than: str) -> str | None:
     before = errors[model]
     after = errors["corrected"]
     assert before is not None and after is not None
-    ratio = ratio_of(before.position_rms_m, after.position_rms_m)
-    if ratio <= WORSE:
-        return None
-    found = f"flown freely {ratio:.4g} times the error of the {than}"
-    if not np.isfinite(ratio):
-        found = "flown freely the corrected model diverges"
-    return f"The correction makes held-out flights worse: {found}."
+    found = "the corrected model diverges"
+    if math.isfinite(after.position_rms_m):
+        if not after.position_rms_m > WORSE * before.position_rms_m:
+            return None
+        ratio = after.position_rms_m / before.position_rms_m
+        found = f"{ratio:.4g} times the error of the {than}"
+    return f"The correction makes held-out flights worse: flown freely {found}."

@@ -93,10 +93,7 @@ def test_next_throw_proposes(reported, tmp_path, capsys, monkeypatch):
     if not functions:
         assert "free function" not in said and "over x" not in said
     else:
-        [own] = functions
-        name = f"{', '.join(own.weights)} over {', '.join(own.variables)}"
         assert "No formula of the library is the cause of" in said
-        assert 0.0 < data["coefficients"][f"factor of {name}"]["std_now"] < 0.1
         assert not data["nothing_more_to_learn"]
 
 

@@ -15,11 +15,11 @@ import pytest
 
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import KINDS, NO_GAUSSIANS
-from glider.sysid.fit.prediction import RolloutModel, measure_errors
+from glider.sysid.fit.folds import hold_out
+from glider.sysid.fit.prediction import RolloutModel, compare
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.log_space import LIBRARY_SPACE, log_space
-from glider.sysid.search.support import weigh
 from tests.helpers.tasks import begin, fly, task_of, typical
 
 
@@ -109,15 +109,15 @@ def test_a_cluster_of_processes_finds_what_threads_find():
         def traced():
             model = fit_model(task, start, iterations=1)
             known = uncertainty_of(task, model)
-            weighed = weigh(task, model, np.random.default_rng(0))
+            held = hold_out(task, model, {}, np.random.default_rng(0))
             flown = RolloutModel(
                 theta=model.theta,
                 gaussians=NO_GAUSSIANS,
                 scales=model.scales,
                 per_flight_trims=False,
             )
-            errors = measure_errors(flown, task.records)
-            support = weighed["profile_drag"].support
+            errors = compare({"": (flown, task.records)}).errors[""]
+            support = held.inclusion("profile_drag")
             return model.theta, known.covariance[0], support, errors.position_rms_m
 
         found = traced()

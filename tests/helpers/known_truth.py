@@ -8,7 +8,7 @@ from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign
 from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.parameter_space import ParameterSpace
-from glider.sysid.fit.prediction import flown_by, measure_errors
+from glider.sysid.fit.prediction import compare, flown_by
 from glider.sysid.likelihood.fitted_functions import functions_of
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task, make_task, start_of
@@ -50,7 +50,8 @@ def limit_of(
     else:
         starts = starts_of(task, noise, truth)
     model = min((fit_model(task, start) for start in starts), key=lambda fit: fit.cost)
-    return measure_errors(flown_by(task, model, model.scales), unseen).position_rms_m
+    flown = flown_by(task, model, model.scales)
+    return compare({"": (flown, unseen)}).errors[""].position_rms_m
 
 
 def task_of(

@@ -7,7 +7,7 @@ from glider.physics.effects.effect import Effect
 from glider.sysid.likelihood.candidates import HeldOutEvidence
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult
-from glider.sysid.search.support import Search
+from glider.sysid.search.moves import Search
 from tests.helpers.tasks import begin, fly, task_of
 
 

@@ -63,15 +63,6 @@ def test_a_flight_depends_on_no_sensor():
     np.testing.assert_array_equal(part.matrix, np.diag([1.0, 2.0]))
 
 
-def test_correlations_are_of_each_with_the_others_of_some():
-    names = ("mass", "wind.x", "wind.z")
-    matrix = np.array([[9.0, 0.0, 0.0], [0.0, 4.0, -1.0], [0.0, -1.0, 1.0]])
-    known = Covariance(names=names, matrix=matrix)
-    assert known.correlations["mass"] == {"wind.x": 0.0, "wind.z": 0.0}
-    found = known.among({"wind"}).correlations
-    assert found == {"wind.x": {"wind.z": -0.5}, "wind.z": {"wind.x": -0.5}}
-
-
 def test_the_coefficients_follow_one_another():
     model = GliderModel(effects=(WIND(x=-0.5, z=0.1), PROFILE_DRAG(cd0=0.05)))
     np.testing.assert_array_equal(model.numbers.c, [-0.5, 0.1, 0.05])

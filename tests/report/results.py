@@ -15,12 +15,10 @@ from glider.sysid.result import (
     OTHER_SHAPE,
     PERFECT,
     Air,
-    Derivatives,
     EquationErrors,
     Errors,
     Estimate,
     FlightNames,
-    Fold,
     FoundEffect,
     HeldOutFlight,
     MeasurementNoise,
@@ -127,30 +125,6 @@ def make_table(slope, rng):
     )
 
 
-DERIVATIVES = Derivatives(
-    condition="steady glide",
-    airspeed_m_s=6.5,
-    alpha_rad=0.07,
-    delta_e_rad=-0.07,
-    area_m2=0.0885,
-    length_m=0.14,
-    length="chord",
-    values={
-        f"{c}{by}": Estimate(value=5.123, std=0.0 if c == "C_m" else 0.012, unit="-")
-        for c in ("C_L", "C_D", "C_m")
-        for by in ("", "_alpha", "_q", "_delta_e")
-    },
-)
-
-
-def make_fold(names, better=True):
-    return Fold(
-        held_out=names,
-        refitted=make_errors(0.5),
-        corrected=make_errors(0.4 if better else 0.6),
-    )
-
-
 def make_result(**changes):
     """Returns what closing the loop on a windy campaign may give."""
     rng = np.random.default_rng(0)
@@ -170,11 +144,6 @@ def make_result(**changes):
             "corrected": make_errors(0.001),
             PERFECT: PERFECT_ERRORS,
         },
-        folds=(
-            make_fold(("flight_001.csv", "flight_100.csv")),
-            make_fold(("flight_002.csv",)),
-            make_fold(("flight_101.csv",), better=False),
-        ),
         left=Residual(
             position_m=5.3e-3,
             ratio_to_floor=13.25,
@@ -183,10 +152,6 @@ def make_result(**changes):
             chance=1e-4,
             depends_on=("alpha",),
         ),
-        correlations={
-            "wind.x": {"wind.z": -0.84, "frame_tilt.angle": 0.1},
-            "wind.z": {"wind.x": -0.84},
-        },
         spreads={
             "elevator_trim": Spread(
                 std=0.0203,
@@ -194,7 +159,6 @@ def make_result(**changes):
                 values={"flight_001.csv": 0.015, "flight_002.csv": -0.031},
             )
         },
-        derivatives=DERIVATIVES,
         air=Air(std_m_s=0.12, correlation_s=0.31),
         vehicle={"wing_area_per_mass": Estimate(value=1.106, std=0.021, unit="m²/kg")},
         knows_forces=True,
@@ -246,21 +210,6 @@ def diverged():
             ),
         ),
         left=Residual(position_m=math.nan, ratio_to_floor=math.inf, depends_on=()),
-        folds=(
-            Fold(
-                held_out=("flight_100.csv",),
-                refitted=all_errors(math.inf),
-                corrected=all_errors(math.nan),
-            ),
-        ),
-        derivatives=dataclasses.replace(
-            DERIVATIVES,
-            values={
-                n: dataclasses.replace(e, std=math.nan)
-                for n, e in DERIVATIVES.values.items()
-            },
-        ),
-        correlations={"wind.x": {"wind.x": 1.0, "wind.z": math.nan}},
         air=Air(std_m_s=math.nan, correlation_s=math.inf),
         spreads={
             "wind": Spread(
@@ -298,8 +247,6 @@ VARIANTS = {
     "no effect": make_result(
         verdict="no_effect",
         effects=(),
-        folds=(),
-        correlations={},
         spreads={},
         vehicle={},
         warnings=(),

@@ -24,16 +24,9 @@ from glider.report.as_page import STATIC
 from glider.report.folder import to_html, write_report
 from glider.report.terminal import print_summary
 from glider.report.wording import headline, say
-from glider.sysid.result import PERFECT, Alternative, Estimate, OutlyingFlights
+from glider.sysid.result import PERFECT, Alternative, Estimate
 from tests.helpers.own_kinds import FLAP
-from tests.report.results import (
-    VARIANTS,
-    WIND,
-    all_errors,
-    errors_json,
-    make_errors,
-    make_result,
-)
+from tests.report.results import VARIANTS, WIND, all_errors, make_result
 
 SLOW = pytest.mark.slow
 
@@ -394,19 +387,6 @@ def test_coefficients_have_the_digits_that_their_errors_allow(value, std, unit, 
     c = Estimate(value=value, std=std, unit=unit)
     effect = dataclasses.replace(WIND, coefficients={"x": c})
     assert f"x = {text}" in headline(make_result(effects=(effect,)))
-
-
-def test_held_out_flights_that_stand_out_have_errors_of_their_own():
-    outlying = OutlyingFlights(
-        flights=("flight_013.csv",),
-        errors={"corrected": make_errors(1.5)},
-        with_others={"corrected": make_errors(0.2)},
-    )
-    assert to_json(make_result(outlying=outlying))["outlying"] == {
-        "flights": ["flight_013.csv"],
-        "errors": {"corrected": errors_json(1.5)},
-        "with_others": {"corrected": errors_json(0.2)},
-    }
 
 
 def test_a_model_that_is_not_trusted_says_so_where_it_is_loaded(tmp_path):

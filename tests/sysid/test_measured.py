@@ -3,7 +3,6 @@
 import csv
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from glider.sysid.pipeline import close_the_loop
@@ -60,5 +59,3 @@ def test_forces_predict_unseen_throws_better(throws):
     before = plate.rollout_measured_pitch.position_rms_m
     assert corrected.rollout_measured_pitch.position_rms_m < min(before / 2.0, 0.055)
     assert corrected.position_rms_m < min(plate.position_rms_m / 2.0, 0.08)
-    for model in ("refitted", "corrected"):
-        assert all(np.isfinite(getattr(f, model).position_rms_m) for f in throws.folds)

@@ -8,6 +8,7 @@ import pytest
 
 from glider.campaign.turning import Signs
 from glider.physics.effects import ELEVATOR_TRIM, PITCH_OFFSET, WIND
+from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.outcome import (
@@ -21,6 +22,8 @@ from glider.sysid.outcome import (
 from glider.sysid.result import LIBRARY_SHAPE, OTHER_SHAPE, UNEXPLAINED
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
+
+NO_FOLDS = HeldOut(gains={}, chosen=[set()], alike={})
 
 
 @pytest.fixture(scope="module")
@@ -51,11 +54,7 @@ def with_function(task, model, name):
     own = dataclasses.replace(function, coordinates=values)
     model = dataclasses.replace(model, kinds=(name,), functions=(own,))
     return types.SimpleNamespace(
-        model=model,
-        names={name: UNEXPLAINED},
-        evidence={name: 50.0},
-        weighed={name: types.SimpleNamespace(inclusion=1.0, rivals=())},
-        rivals=(),
+        model=model, names={name: UNEXPLAINED}, evidence={name: 50.0}, rivals=()
     )
 
 
@@ -72,7 +71,7 @@ def test_a_free_functions_errors_are_its_own(plain):
         likelihood=np.diag(std**2),
         changes=np.zeros((2, len(std))),
     )
-    (effect,) = effects_of(task, traced, known, {}, Signs())
+    (effect,) = effects_of(task, traced, NO_FOLDS, known, {}, Signs())
     assert effect.kind == "unexplained" and effect.family == "air"
     peak = effect.coefficients["wind_x_peak"]
     # A Gaussian beside its neighbours, each 0.5 m/s times 0.1.
@@ -106,7 +105,7 @@ def entry_of(task, model, name, family=None):
         likelihood=1e-4 * np.eye(function.count),
         changes=np.zeros((2, function.count)),
     )
-    (effect,) = effects_of(task, traced, known, {}, Signs())
+    (effect,) = effects_of(task, traced, NO_FOLDS, known, {}, Signs())
     return effect
 
 
@@ -136,13 +135,14 @@ def test_a_formula_and_what_bends_it_are_one_effect(plain):
         traced.model, kinds=("profile_drag", name), theta=theta
     )
     traced.evidence["profile_drag"] = 30.0
-    traced.weighed["profile_drag"] = types.SimpleNamespace(inclusion=0.9, rivals=())
     traced.names = {"profile_drag": "profile_drag", name: "profile_drag"}
     known = types.SimpleNamespace(std=lambda slot: 0.01)
-    [effect] = effects_of(task, traced, known, {}, Signs())
+    chosen = [{"profile_drag"}, {"profile_drag"}, {"profile_drag"}, set()]
+    tests = HeldOut(gains={}, chosen=chosen, alike={})
+    [effect] = effects_of(task, traced, tests, known, {}, Signs())
     assert effect.kind == "profile_drag" and effect.shape == OTHER_SHAPE
     assert effect.coefficients["cd0"].value == 0.05
-    assert effect.evidence == 80.0 and effect.inclusion == 0.9
+    assert effect.evidence == 80.0 and effect.inclusion == 0.75
 
 
 def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
@@ -154,7 +154,6 @@ def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
 
     traced = types.SimpleNamespace(
         model=fitted("camber", "mass", "lift over reduced_rate"),
-        weighed={"camber": types.SimpleNamespace(rivals=("wing_incidence",))},
         rivals=(
             (fitted("pitch_offset", "mass", "lift over reduced_rate"), 1.0),
             (fitted("pitch_rate_lift", "mass"), 1.5),
@@ -163,13 +162,14 @@ def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
             (fitted("downwash", "inertia", "lift over reduced_rate"), 4.0),
         ),
     )
+    tests = HeldOut(gains={}, chosen=[], alike={"camber": {"wing_incidence"}})
     of_rate = "lift over reduced_rate"
     names = {"camber": "camber", "mass": "mass", of_rate: "pitch_rate_lift"}
-    rivals = _rivals_of(task, traced, names, "camber")
+    rivals = _rivals_of(task, traced, tests, names, "camber")
     assert {*rivals} == {"pitch_offset", "wing_incidence", "wind", "thrust"}
-    assert _rivals_of(task, traced, names, of_rate) == ("dynamic_stall",)
+    assert _rivals_of(task, traced, tests, names, of_rate) == ("dynamic_stall",)
     names[of_rate] = "dynamic_stall"
-    assert _rivals_of(task, traced, names, of_rate) == ()
+    assert _rivals_of(task, traced, tests, names, of_rate) == ()
 
 
 # ----------------------------------------------------------------------- spreads

@@ -5,8 +5,7 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.task import start_of
 from glider.sysid.pipeline import close_the_loop
-from glider.sysid.search.support import Search
-from glider.sysid.search.tracing import _improved
+from glider.sysid.search.moves import Search
 from tests.helpers.tasks import fly, task_of, typical
 
 SEARCHED = ("command_delay", "marker_offset", "elevator_blowback", "added_mass")
@@ -28,7 +27,7 @@ def test_the_search_finds_planted_effects(kind):
     effect = typical(kind)
     task, noise = task_of(fly(effect, flights=5))
     search = Search(task, lambda text: None)
-    model = _improved(search, start_of(task, noise))
+    model = search.improved(start_of(task, noise))
     assert model.kinds == (kind,)
     for name, truth in effect.to_dict().items():
         found = model.theta[task.space.index[f"{kind}.{name}"]]

@@ -8,7 +8,6 @@ import pytest
 
 from glider.campaign.turning import Signs
 from glider.sysid.constants import MOST_LEFT, UNLIKELY, WORSE
-from glider.sysid.fit.folds import WAYS
 from glider.sysid.result import (
     LIBRARY_SHAPE,
     OTHER_SHAPE,
@@ -20,7 +19,7 @@ from glider.sysid.result import (
     Residual,
     RolloutErrors,
 )
-from glider.sysid.verdict import _changes_baseline_alone, judge, with_excluded
+from glider.sysid.verdict import _changes_baseline_alone, judge
 
 RIGHT = Signs()
 
@@ -48,29 +47,22 @@ def errors_with(free, along):
     )
 
 
-LEAST_T, ENOUGH_T, FLIGHTS = 2.1, 1.96, 20
+LEAST_T, FLIGHTS = 2.1, 20
 
 
 def gain_of(t):
     """A gain in folds of this t."""
     return types.SimpleNamespace(
-        t=t,
-        least_t=LEAST_T,
-        are_significant=t >= LEAST_T,
-        would_suffice=t >= ENOUGH_T,
-        values=np.zeros(FLIGHTS),
+        t=t, least_t=LEAST_T, are_significant=t >= LEAST_T, values=np.zeros(FLIGHTS)
     )
 
 
-def folds_of(t=9.0, t_lost=types.MappingProxyType({}), over_nominal=None, median=1.0):
-    """Flights held out, with the median of their errors over the nominal model's."""
-    return types.SimpleNamespace(
-        gain=gain_of(t),
-        lost=lambda way: gain_of(t_lost.get(way, 0.0)),
-        is_worse=lambda way: t_lost.get(way, 0.0) > LEAST_T,
-        over_nominal=None if over_nominal is None else gain_of(over_nominal),
-        over_median=lambda model: {"nominal": median}[model],
-    )
+def gains_of(t=9.0, over_nominal=None):
+    """Gains over the refitted baseline, and over the nominal model if it is known."""
+    gains = {"refitted": gain_of(t)}
+    if over_nominal is not None:
+        gains["nominal"] = gain_of(over_nominal)
+    return gains
 
 
 def verdict(
@@ -80,7 +72,6 @@ def verdict(
     terms=(),
     signs=RIGHT,
     t=9.0,
-    t_lost=types.MappingProxyType({}),
     split=0.1,
     shape_fits=True,
     unnamed=None,
@@ -93,7 +84,6 @@ def verdict(
     most_by_chance=1.8,
     times_along=math.nan,
     left_m=0.05,
-    nominal_median=1.0,
 ):
     """Judges a trace that found kinds, and a free function without a name."""
     if unnamed is None:
@@ -116,15 +106,13 @@ def verdict(
         most_by_chance=most_by_chance,
         depends_on=left_over or (),
     )
-    held_out = None
-    if signs.are_right:
-        held_out = folds_of(t, t_lost, t_over_nominal, nominal_median)
+    gains = gains_of(t, t_over_nominal) if signs.are_right else {}
     errors = {
         "nominal": errors_with(drawn, 1.0),
         "refitted": errors_with(1.0, 1.0),
         "corrected": errors_with(split, 1.0),
     }
-    return judge(traced, held_out, errors, effects, left, doubt)
+    return judge(traced, gains, errors, effects, left, doubt)
 
 
 def test_thrown_gliders_that_leave_much_are_never_without_effect():
@@ -159,7 +147,7 @@ def test_what_a_perfect_model_would_not_leave_is_not_all_explained():
     assert word == "partly_explained"
     assert "50 mm (RMS), 1.5 times as much as a perfect model" in reason
     less = verdict(("wind",), chance=0.5 * UNLIKELY, times_floor=0.99)
-    assert less[0] == "effect_found"  # Folds have fewer flights to fit.
+    assert less[0] == "effect_found"
     word, reason = verdict(("wind",), times_floor=1.01 * MOST_LEFT)
     assert word == "partly_explained"
     assert "2.02 times as much as a perfect model" in reason
@@ -226,39 +214,16 @@ def test_what_is_worse_than_the_nominal_model_is_not_trusted(kinds):
     word, reason = verdict(**given, split=0.9, drawn=0.9 / (WORSE + 0.01))
     assert word == "not_trusted" and "times the error of the nominal model" in reason
     assert verdict(**given, split=0.9, drawn=0.9)[0] != "not_trusted"
-    folds = {"t_over_nominal": 9.0, "nominal_median": 1.09}
-    word, reason = verdict(**given, **folds)
-    assert word == "not_trusted" and "1.09 times the error of the nominal" in reason
-    assert verdict(**given, **folds | {"nominal_median": WORSE})[0] != "not_trusted"
-    word, reason = verdict(("mass",), t=0.1, **folds)  # The plate has it, too.
-    assert word == "not_trusted" and "1.09 times the error of the nominal" in reason
+    # Of what the plate has, too.
+    word, reason = verdict(("mass",), t=0.1, t_over_nominal=9.0, split=1.0, drawn=0.9)
+    assert word == "not_trusted" and "1.111 times the error of the nominal" in reason
 
 
-def test_few_flights_that_gain_are_told_as_few():
-    word, reason = verdict(("wind",), t=0.5 * (LEAST_T + ENOUGH_T))
+def test_a_gain_by_chance_is_told_with_its_flights():
+    word, reason = verdict(("wind",), t=LEAST_T - 0.1)
     assert word == "not_trusted"
-    assert f"but {FLIGHTS} flights are too few to exclude chance (t = 2.0" in reason
-    _, reason = verdict(("wind",), t=ENOUGH_T - 0.1)
-    assert "does not gain significantly" in reason
-
-
-def test_a_reason_counts_the_flights_that_it_is_not_about():
-    reason = "The flights show nothing beyond noise and moving air."
-    assert with_excluded(reason, {}, 20) == reason
-    excluded = {"a.csv": "too short", "b.csv": "explained by no model"}
-    assert with_excluded(reason, excluded, 20) == (
-        f"{reason} 2 of 20 flights are excluded: a.csv, b.csv."
-    )
-    told = with_excluded("The effects are identified.", {"a.csv": "too short"}, 4)
-    assert told.endswith("1 of 4 flights is excluded: a.csv.")
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_what_is_worse_in_folds_beyond_chance_is_not_trusted(way):
-    word, reason = verdict(("wind",), t_lost={way: LEAST_T + 0.1})
-    assert word == "not_trusted"
-    assert way in reason and f"t = {LEAST_T + 0.1:.1f}" in reason
-    assert verdict(("wind",), t_lost={way: LEAST_T - 0.1})[0] == "effect_found"
+    assert f"On {FLIGHTS} flights, held out" in reason
+    assert f"t = 2.0, expected {LEAST_T}" in reason
 
 
 def test_what_leaves_too_much_to_chance_is_not_trusted():
@@ -299,9 +264,8 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     )
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = entry("unexplained"), entry("elevator_trim", evidence=math.nan)
-    held_out = folds_of()
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
-    word, _ = judge(traced, held_out, errors, found, left, None)
+    word, _ = judge(traced, gains_of(), errors, found, left, None)
     assert word == "unexplained"
 
 

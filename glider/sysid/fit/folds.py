@@ -1,27 +1,25 @@
-"""Flights held out in folds: effects searched and all models refitted without them."""
+"""Flights held out in folds: what a correction gains on flights that it has not seen.
+
+All is linear about the models that were fitted, so that those made without some flights
+follow in closed form from the flights' information.
+"""
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
 
 from glider.physics.confidence import LEVEL
-from glider.sysid.constants import FOLDS, WORSE
-from glider.sysid.fit.prediction import compare, flown_by, mean_squares, near_median
-from glider.sysid.likelihood import model_fit
+from glider.sysid.constants import CLEAR, FOLDS, RIVAL_GAP
+from glider.sysid.fit.prediction import near_median
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.information import counted_from, solve_scaled
-from glider.sysid.likelihood.scales import Scales
+from glider.sysid.likelihood.model_fit import error_flights, in_surroundings
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.result import Fold
-from glider.sysid.search.support import Nearby
+from glider.sysid.search.subsets import Members, Scorer, climb, columns_of, scorer_of
 from glider.sysid.search.tracing import without_late
-
-WAYS = "freely", "along the measured pitch"
-"""How flights are flown again, as `HeldOut.paths` has them."""
-
-_LARGEST_LOG = 9.0  # Of a ratio of errors: a model that diverges is one loss.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -52,167 +50,135 @@ class Gains:
         """Whether the correction gains beyond chance."""
         return self.t >= self.least_t
 
-    @property
-    def would_suffice(self) -> bool:
-        """Whether gains so large beside their scatter would show on many flights."""
-        return self.t >= float(ndtri(0.5 * (1.0 + LEVEL)))
 
+class HeldOut(NamedTuple):
+    """What flights say that played no part in the models."""
 
-@dataclasses.dataclass(frozen=True)
-class HeldOut:
-    """Two models on flights that they were made without."""
+    gains: dict[str, Gains]  #: Of the corrected model over each other one, by name.
+    chosen: list[set[str]]  #: Effects that are found without each part of the flights.
+    alike: dict[str, set[str]]  #: Of each effect, what would do as well in its place.
 
-    folds: tuple[Fold, ...]  #: Their errors.
-    gain: Gains  #: Of the corrected model over the baseline.
-    #: Name of a flight to the position RMS (2,) of each model, of free rollouts and
-    #: along the measured pitch [m].
-    paths: dict[str, dict[str, np.ndarray]]
-    over_nominal: Gains | None = None  #: Over the nominal model, where it is known.
-    apart: tuple[str, ...] = ()  #: Names of flights that no fold was fitted to.
-
-    def lost(self, way: str, model: str = "refitted") -> Gains:
-        """Logarithms of corrected over another model's errors, flown in a way.
-
-        A few flights, such as one on which a model diverges, decide nothing.
-        """
-        place = WAYS.index(way)
-        names = (model, "corrected")
-        both = np.array([[p[n][place] for n in names] for p in self.paths.values()])
-        flown = both[np.isfinite(both).any(axis=1)]
-        lost = np.log([ratio_of(*own) + 1e-12 for own in flown])
-        return Gains(values=np.clip(lost, -_LARGEST_LOG, _LARGEST_LOG))
-
-    def over_median(self, model: str) -> float:
-        """Median ratio of the corrected to another model's errors of free rollouts."""
-        return float(np.exp(np.median(self.lost(WAYS[0], model).values)))
-
-    def is_worse(self, way: str) -> bool:
-        """Whether the correction loses on flights flown in a way, more than a tie."""
-        lost = self.lost(way)
-        return lost.are_significant and float(np.median(lost.values)) > np.log(WORSE)
-
-
-def ratio_of(before: float, after: float) -> float:
-    """Returns after over before; infinite where the later model diverges."""
-    if not np.isfinite(after):
-        return np.inf
-    return float(after / before) if np.isfinite(before) else 0.0
+    def inclusion(self, kind: str) -> float:
+        """Returns the share of the parts without which an effect is found."""
+        is_found = [kind in own for own in self.chosen]
+        return float(np.mean(is_found))
 
 
 def hold_out(
     task: Task,
-    baseline: FitResult,
     corrected: FitResult,
-    scales: Scales,
+    others: Mapping[str, FitResult],
     rng: np.random.Generator,
-    apart: Collection[str] = (),
-    nominal: FitResult | None = None,
 ) -> HeldOut:
-    """Holds out each flight once, the effects of the corrected model searched again.
+    """Holds out each flight once, in one of FOLDS parts.
 
-    Those whose names are apart are scored and never fitted.
+    The effects of the corrected model are searched again without the flights; of the
+    others all coefficients are refitted.
     """
     count = len(task.records)
-    is_fitted = np.array([record.name not in apart for record in task.records])
     order = rng.permutation(count)
-    parts = [np.sort(order[k::FOLDS]) for k in range(min(FOLDS, count))]
-    models = {"refitted": baseline, "corrected": corrected}
-    if nominal is not None:
-        models["nominal"] = nominal
-    refits = {n: _Refits(task, m, m is corrected) for n, m in models.items()}
-    rollouts = {name: flown_by(task, own, scales) for name, own in models.items()}
-    costs = {name: np.zeros(count) for name in models}
-    paths = dict[str, dict[str, np.ndarray]]()
-    folds = []
+    parts = []
+    for k in range(min(FOLDS, count)):
+        part = np.sort(order[k::FOLDS])
+        parts.append(part.tolist())
+
+    linear = _LinearFlights(without_late(task, corrected.kinds), corrected)
+    score = linear.scorer([])
+    found = score.by_first(corrected.kinds)
+    offered, alike = _near(score, found)
+    chosen = []
+    columns = []
     for part in parts:
-        unseen = [task.records[i] for i in part]
-        rest = is_fitted.astype(float)
-        rest[part] = 0.0
-        flown = {}
-        for name, refit in refits.items():
-            model, costs[name][part] = refit.on(rest, part)
-            flown[name] = rollouts[name].with_numbers_of(model), unseen
+        score = linear.scorer(part).among(offered)
+        members = climb(score, found)
+        chosen.append({kind for kind, _ in members})
+        columns.append([*linear.candidates.always, *columns_of(members)])
 
-        found = compare(flown)
-        names = tuple(record.name for record in unseen)
-        errors = {name: found.errors[name] for name in ("refitted", "corrected")}
-        folds.append(Fold(held_out=names, **errors))
-        for k, record in enumerate(unseen):
-            paths[record.name] = {
-                name: np.sqrt(mean_squares(record, own[k])[:2])
-                for name, own in found.predictions.items()
-            }
+    costs = linear.costs(parts, columns)
+    gains = {}
+    for name, model in others.items():
+        other = _LinearFlights(task.offering(()), model)
+        every = range(len(other.prior.mean))
+        lost = other.costs(parts, [every] * len(parts))
+        gains[name] = Gains(values=lost - costs)
 
-    gains = {n: Gains(values=cost - costs["corrected"]) for n, cost in costs.items()}
-    over_nominal = gains.get("nominal")
-    gain = gains["refitted"]
-    return HeldOut(tuple(folds), gain, paths, over_nominal, tuple(sorted(apart)))
+    return HeldOut(gains, chosen, alike)
 
 
-class _Refits:
-    """A model, made again from some flights."""
+def _near(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[str]]]:
+    """Returns effects of sets near one, and what would do as well in place of each.
 
-    def __init__(self, task: Task, model: FitResult, is_searched: bool):
-        self.task = task
-        self.is_searched = is_searched
-        self.model = model = model_fit.in_surroundings(
-            task, model, model_fit.error_flights(task, model)
-        )
-        offered = without_late(task, model.kinds) if is_searched else task.offering(())
-        found = gather_in_parts(offered, model, model.scales)
+    Farther away, errors of the linearization look like effects.
+    """
+    kinds = {kind for kind, _ in found}
+    offered = set(kinds)
+    alike: dict[str, set[str]] = {kind: set() for kind in kinds}
+    best = score(found)
+    for other in (*score.larger(found), *score.swapped(found)):
+        kind, _ = other[-1]
+        lost = best - score(other)
+        if lost < CLEAR:
+            offered.add(kind)
+        if kind not in kinds and lost < RIVAL_GAP:
+            left = {name for name, _ in other}
+            for gone in kinds - left:
+                alike[gone].add(kind)
+
+    return offered, alike
+
+
+class _LinearFlights:
+    """Flights about a model that was fitted to them, or to others."""
+
+    def __init__(self, task: Task, model: FitResult):
+        flights = error_flights(task, model)
+        model = in_surroundings(task, model, flights)
+        found = gather_in_parts(task, model, model.scales)
         self.candidates, self.grams, now = found
-        if is_searched:
-            self.near = Nearby(self.candidates, self.grams)
-            self.given, self.prior = self.candidates.nothing()
-        else:
-            self.prior = model_fit.prior_of(task, model)
-            self.given = np.zeros(len(self.prior.mean))
-
+        self.given, self.prior = self.candidates.nothing()
         # The likelihood is a square of changes and what depends on the scales alone.
         self.constant = now - 0.5 * self.grams[:, -1, -1]
 
-    def on(
-        self, counts: np.ndarray, unseen: np.ndarray
-    ) -> tuple[FitResult, np.ndarray]:
-        """Returns the model of flights that count so often, and others' costs [nats].
+    def scorer(self, part: list[int]) -> Scorer:
+        """Returns the evidence of sets without a part of the flights."""
+        counts = np.ones(len(self.grams))
+        counts[part] = 0.0
+        return scorer_of(self.candidates, self.grams, counts)
 
-        The costs are those of the predictive distribution: what the flights leave
-        unknown of the coefficients counts with the noise, so that a flight beyond the
-        range of the others is not held against a model that does not know it.
+    def costs(
+        self, parts: Sequence[list[int]], columns: Sequence[Sequence[int]]
+    ) -> np.ndarray:
+        """Returns the cost of each flight by models made without its part [nats].
+
+        The models have some of the columns, for each part. By the predictive
+        distribution: what the other flights leave unknown of the coefficients counts
+        with the noise, so that a flight beyond their range is not held against a model
+        that does not know it.
         """
-        model = self.model
-        columns = list(range(len(self.prior.mean)))
-        if self.is_searched:
-            score, members = self.near.best(counts)
-            model = score.begin(members)
-            found = [column for _, variant in members for column in variant]
-            columns = [*self.candidates.always, *found]
+        costs = np.empty(len(self.grams))
+        for part, some in zip(parts, columns, strict=True):
+            own = list(some)
+            rest = np.delete(self.grams, part, axis=0)
+            known = counted_from(rest.sum(axis=0), self.given)
 
-        keep = [*columns, len(self.prior.mean)]
-        step = np.zeros(len(self.prior.mean))
-        total = counted_from(np.tensordot(counts, self.grams, 1), self.given)
-        prior = self.prior.among(columns)
-        change = prior.best_step(total[np.ix_(keep, keep)])
-        step[columns] = change
-        is_open = (prior.lower < change) & (change < prior.upper)
-        own = np.array(columns, dtype=int)[is_open]
-        known = total[np.ix_(own, own)] + np.diag(prior.precision[is_open])
-        others = counted_from(self.grams[unseen], self.given - step)
-        added = others[:, own[:, None], own]
-        error = others[:, own, -1]
-        more = np.sum(solve_scaled(known + added, error, 0.0) * error, axis=1)
-        volume = np.linalg.slogdet(np.eye(len(own)) + np.linalg.solve(known, added))[1]
-        costs = self.constant[unseen] + 0.5 * (others[:, -1, -1] - more + volume)
-        if not self.is_searched:  # Few parameters, and nearly linear.
-            return model_fit.moved(self.task, model, step), costs
-        if counts.any():
-            pairs = zip(self.task.records, counts, strict=True)
-            fitted = self.task.on([record for record, count in pairs if count])
-            fixed = {*self.task.vehicle.nuisance}.difference(self.model.free)
-            free = tuple(slot for slot in model.free if slot not in fixed)
-            start = dataclasses.replace(model, free=free)
-            if {*model.kinds} == {*self.model.kinds}:
-                start = self.model
-            model = model_fit.fit_model(fitted, start, free_scales=())
+            prior = self.prior.among(own)
+            keep = [*own, -1]
+            change = prior.best_step(known[np.ix_(keep, keep)])
+            step = np.zeros(len(self.prior.mean))
+            step[own] = change
 
-        return model, costs
+            is_open = (prior.lower < change) & (change < prior.upper)
+            free = np.array(own, dtype=int)[is_open]
+            hessian = known[np.ix_(free, free)]
+            hessian = hessian + np.diag(prior.precision[is_open])
+            unseen = counted_from(self.grams[part], self.given - step)
+            added = unseen[:, free[:, None], free]
+            error = unseen[:, free, -1]
+            moved = solve_scaled(hessian + added, error, 0.0)
+            more = np.sum(moved * error, axis=1)
+            grown = np.eye(len(free)) + np.linalg.solve(hessian, added)
+            _, volume = np.linalg.slogdet(grown)
+            left = unseen[:, -1, -1] - more + volume
+            costs[part] = self.constant[part] + 0.5 * left
+
+        return costs

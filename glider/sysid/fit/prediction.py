@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import leastsq
 
 from glider.campaign.checks.motion import robust_std
 from glider.compiled.filter_error import ELEVATOR, PROCESSES
@@ -33,10 +34,12 @@ from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import make_table, true_nodes
 from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
+_LAUNCHES = 1024  # Launches that are kept: two models' of 500 flights.
 _OF_ROLLOUTS = ("position", "pitch")  # Scales that rollouts have errors in.
+_SMALL = 1e-5  # Step of a derivative by a launch's place and velocity, relative.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class RolloutModel:
     """A model that flies logs again."""
 
@@ -62,10 +65,6 @@ class RolloutModel:
         scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
         return dataclasses.replace(self, scales=scales)
 
-    def with_numbers_of(self, model: FitResult) -> "RolloutModel":
-        """Returns another model, whose errors are taken to be as large."""
-        return dataclasses.replace(self, theta=model.theta, gaussians=model.gaussians)
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prediction:
@@ -74,11 +73,6 @@ class Prediction:
     pose: np.ndarray  #: (n, 3) of the free rollout, as the sensors would show it.
     translated: np.ndarray  #: (n, 2) x and z by forces along the measured pitch.
     trim: float  #: Elevator trim of the flight, found on the beginning [rad].
-
-    @property
-    def is_finite(self) -> bool:
-        """Whether the model flew to the end; else it diverged."""
-        return bool(np.isfinite(self.pose).all() and np.isfinite(self.translated).all())
 
 
 def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
@@ -121,6 +115,7 @@ def of_launch(record: Record, rows: int) -> np.ndarray:
     return seen
 
 
+@functools.lru_cache(_LAUNCHES)
 def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surroundings]:
     """Returns the likeliest state (n,) and constants, by a flight's first rows.
 
@@ -149,7 +144,8 @@ def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surrou
 def predict(model: RolloutModel, record: Record) -> Prediction:
     """Predicts one flight from its beginning."""
     rows = beginning_rows(record.time, model.per_flight_trims)
-    launch, about = find_launch(model, record)
+    found, about = find_launch(model, record)
+    launch = found.copy()
     record = dataclasses.replace(record, rest=record.rest + launch[OFFSET])
     launch[OFFSET] = 0.0
     space, (*_, trim, pitch_zero) = record.space, about.constants
@@ -172,20 +168,15 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
         moved = roll_out(kinds, along, state, dynamics, model.gaussians)
         return sensed(space, moved, model.theta, model.gaussians)[:, :2]
 
-    change = np.zeros(4)
-    step = 1e-5
     seen = record.seen[:rows, :2]
-    first = guided.first(rows)
-    for _ in range(3):
-        flown = places(change, first)
-        if not np.all(np.isfinite(flown)):
-            break
-        ends = [places(change + step * unit, first) for unit in np.eye(4)]
-        matrix = np.stack([(end - flown) / step for end in ends], axis=2)[seen]
-        if not np.all(np.isfinite(matrix)):
-            break
-        error = (record.pose[:rows, :2] - flown)[seen]
-        change += np.linalg.lstsq(matrix, error, rcond=None)[0]
+    beginning = guided.first(rows)
+
+    def missed(change: np.ndarray) -> np.ndarray:
+        return (record.pose[:rows, :2] - places(change, beginning))[seen]
+
+    change = np.zeros(4)
+    if np.all(np.isfinite(missed(change))):
+        change, _ = leastsq(missed, change, epsfcn=_SMALL**2)
 
     pose = sensed(space, states, model.theta, model.gaussians) + zero
     along = places(change, guided)
@@ -207,30 +198,23 @@ def compare(models: Mapping[str, tuple[RolloutModel, Sequence[Record]]]) -> Comp
         for name, (model, records) in models.items()
     }
     finite = [
-        any(p.is_finite for p in own) for own in zip(*found.values(), strict=True)
+        any(np.isfinite([*p.pose.flat, *p.translated.flat]).all() for p in own)
+        for own in zip(*found.values(), strict=True)
     ]
     kept = [i for i, is_flown in enumerate(finite) if is_flown or not any(finite)]
-    errors = {
-        name: _errors(model, [records[i] for i in kept], [found[name][i] for i in kept])
-        for name, (model, records) in models.items()
-    }
+    errors = {}
+    for name, (model, all_records) in models.items():
+        records = [all_records[i] for i in kept]
+        flown = [found[name][i] for i in kept]
+        rows = np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
+        trims = [predicted.trim for predicted in flown]
+        table = make_table(records, model.theta, trims, model.gaussians)
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+            squares = [*map(mean_squares, records, flown)]
+            equation = rms(table.residual)
+            errors[name] = errors_from(np.array(squares)[..., None], rows, equation)
+
     return Compared(found, kept, errors)
-
-
-def measure_errors(model: RolloutModel, records: Sequence[Record]) -> Errors:
-    """Returns a model's errors on flights, each predicted from its beginning."""
-    return compare({"": (model, records)}).errors[""]
-
-
-def _errors(
-    model: RolloutModel, records: Sequence[Record], predictions: Sequence[Prediction]
-) -> Errors:
-    rows = np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
-    trims = [predicted.trim for predicted in predictions]
-    table = make_table(records, model.theta, trims, model.gaussians)
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        squares = np.array([*map(mean_squares, records, predictions)])[..., None]
-        return errors_from(squares, rows, rms(table.residual))
 
 
 def rms(accelerations: np.ndarray) -> EquationErrors:

@@ -175,7 +175,9 @@ class HeldOutEvidence:
             at = np.flatnonzero([len(own) == size for own in sets])
             parts = 1 + len(at) * len(self._own) * size**2 // _MOST_ENTRIES
             for part in np.array_split(at, min(parts, len(at))):
-                gains[part] = self._gains(np.array([sets[i] for i in part]))
+                own = np.array([sets[i] for i in part])
+                gain = self._counts @ (self._alone - self._costs(own))
+                gains[part] = np.where(self._are_physical(own), gain, -np.inf)
         return gains.tolist()
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
@@ -183,16 +185,14 @@ class HeldOutEvidence:
         sets = np.array([[*self._always, *columns]], dtype=int)
         return self._steps(self._sum, sets)[0, 0, len(self._always) :]
 
-    def _gains(self, sets: np.ndarray) -> np.ndarray:
-        """Returns the gains of sets of columns (v, m) over what always acts, (v,)."""
+    def _are_physical(self, sets: np.ndarray) -> np.ndarray:
+        """Returns whether columns of sets (v, m) take physical values, (v,)."""
         steps = self._steps(self._sum, sets)[0]
         lower = self._prior.lower[sets]
         upper = self._prior.upper[sets]
         is_out = steps < lower - _SLACK * np.abs(lower)
         is_out |= steps > upper + _SLACK * np.abs(upper)
-        is_out[:, : len(self._always)] = False
-        gains = self._counts @ (self._alone - self._costs(sets))
-        return np.where(is_out.any(axis=1), -np.inf, gains)
+        return ~is_out[:, len(self._always) :].any(axis=1)
 
     def _steps(self, grams: np.ndarray, sets: np.ndarray) -> np.ndarray:
         """Returns the likeliest changes (n, v, m) by information (n, M + 1, M + 1)."""
@@ -232,8 +232,8 @@ def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidate
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
 
-    linear = model_fit.linear_flights(task, model, directions, terms)
-    flights, wild = tamed(task, directions, linear)
+    flights = model_fit.linear_flights(task, model, directions, terms)
+    wild = tame(task, directions, flights)
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
     places = model.places(len(directions))
@@ -300,43 +300,34 @@ def _at_bounds(task: Task, model: FitResult) -> set[int]:
 def survey(task: Task, model: FitResult) -> dict[str, float]:
     """Computes the evidence of each function beside a model without it [nats].
 
-    On a few flights; minus infinity where the model or the function's column diverges.
+    On a few flights; minus infinity where the model diverges.
     """
     few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
-    alone = gather(few, model, terms_of(few.functions.values()))
-    own = [column for kind in model.kinds for column in alone.variants[kind][0]]
-
-    def gain(function: FittedFunction) -> float:
-        candidates = alone.offering([function])
-        gram = candidates.total(model.scales)
-        if not np.all(np.isfinite(gram)):
-            return -np.inf
-        evidence = candidates.evidence(gram)
-        [before] = evidence.extended(own, [()])
-        return max(evidence.extended(own, candidates.variants[function.name])) - before
-
-    return {b.name: gain(b) for b in alone.offering(few.functions.values()).functions}
+    functions = few.functions.values()
+    candidates = gather(few, model, terms_of(functions)).offering(functions)
+    gram = candidates.total(model.scales)
+    names = [function.name for function in candidates.functions]
+    if not np.all(np.isfinite(gram)):
+        return dict.fromkeys(names, -np.inf)
+    evidence = candidates.evidence(gram)
+    variants = candidates.variants
+    own = [column for kind in model.kinds for column in variants[kind][0]]
+    [before] = evidence.extended(own, [()])
+    return {n: max(evidence.extended(own, variants[n])) - before for n in names}
 
 
-def tamed(
+def tame(
     task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
-) -> tuple[list[LinearFlight], set[int]]:
-    """Returns the flights with diverging columns set to zero, and which those are."""
+) -> set[int]:
+    """Sets columns that diverge on a flight to zero, and returns which those are."""
     count = len(directions)
-    largest = task.space.scale[[d.slot for d in directions]] ** -1.0 * _LARGEST_PUSH
-    is_tame = np.ones(count, dtype=bool)
-    for flight in flights:  # What is not a number is not tame.
-        sizes = np.abs(flight.inputs[..., :count]).max(axis=(0, 1), initial=0.0)
-        is_tame &= sizes < largest
-
-    wild = np.flatnonzero(~is_tame).tolist()
-    found = list(flights)
-    for i, flight in enumerate(flights if wild else ()):
-        inputs = flight.inputs.copy()
-        inputs[..., wild] = 0.0
-        found[i] = dataclasses.replace(flight, inputs=inputs)
-
-    return found, set(wild)
+    largest = _LARGEST_PUSH / task.space.scale[[d.slot for d in directions]]
+    pushes = [np.abs(flight.inputs[..., :count]).max(axis=(0, 1)) for flight in flights]
+    is_tame = np.all(np.array(pushes) < largest, axis=0)  # What is no number is not.
+    wild = np.flatnonzero(~is_tame)
+    for flight in flights:
+        flight.inputs[..., wild] = 0.0
+    return set(wild.tolist())
 
 
 def saturated(candidates: Candidates, rounds: int) -> FitResult:

@@ -40,18 +40,12 @@ def slopes(
     space: ParameterSpace, free: Iterable[int], shapes: Shapes = ()
 ) -> list[Direction]:
     """Returns the directions of slots as they are, for a fit."""
-    return [Direction(space.owners[i], i, _step(space, i), shapes) for i in free]
-
-
-def is_slope(space: ParameterSpace, direction: Direction) -> bool:
-    """Whether a direction is a derivative, of one of `slopes`, rather than a secant."""
-    return direction.size == _step(space, direction.slot)
-
-
-def _step(space: ParameterSpace, slot: int) -> float:
-    """Returns the step of the derivative by an entry of theta."""
-    share = _SMALL if slot < space.num_flown else _SMALL_SIGNAL
-    return float(space.scale[slot]) * share
+    found = []
+    for slot in free:
+        share = _SMALL if slot < space.num_flown else _SMALL_SIGNAL
+        step = share * float(space.scale[slot])
+        found.append(Direction(space.owners[slot], slot, step, shapes))
+    return found
 
 
 def starts_of(

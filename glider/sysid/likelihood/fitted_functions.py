@@ -15,14 +15,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import scipy.linalg
 
-from glider.compiled.parallel import in_parallel
 from glider.physics.effects import FLOW_VARIABLES, FREE_FUNCTIONS, EffectKind, Gaussians
 from glider.physics.effects.families import FAMILIES, Family
 from glider.physics.effects.free_functions import FreeFunction, gaussian
 from glider.sysid.constants import LEADING, RESOLVED
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import flow_along, flow_at_nodes
+from glider.sysid.replay.replayed import flow_at_nodes, true_nodes
 
 _ABOUT_MEAN = {"c_drag", "c_axial", "c_moment", "pose_x", "pose_z"}
 """Terms that vary about their means: these are effects of the library, and of measured
@@ -154,7 +153,7 @@ def functions_of(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...
 
 def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
     """Returns FLOW_VARIABLES along all flights of a model, (n, v)."""
-    flows = [flow_along(record, theta)[1] for record in records]
+    flows = [flow_at_nodes(r, theta, true_nodes(r, theta)) for r in records]
     return np.concatenate(flows)[:, -len(FLOW_VARIABLES) :]
 
 
@@ -187,18 +186,13 @@ def make_functions(flown: np.ndarray) -> dict[str, FittedFunction]:
     """Spreads the bases of FAMILIES over `flown_values`; a point has none."""
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     flown = flown[:: max(1, len(flown) // 2000)]
-    reached = dict[str, list[int]]()
-    for name, kind in FAMILIES.items():
-        columns = [FLOW_VARIABLES.index(name) for name in kind.variables]
-        if np.all(high[columns] - low[columns] >= _LEAST_RANGE):
-            reached[name] = columns
-
-    def make(name: str) -> FittedFunction:
-        columns = reached[name]
+    found = {}
+    for name, family in FAMILIES.items():
+        columns = [FLOW_VARIABLES.index(variable) for variable in family.variables]
         range_ = np.stack([low[columns], high[columns]])
-        return _make_function(name, FAMILIES[name], range_, flown[:, columns])
-
-    return dict(zip(reached, in_parallel(make, reached), strict=True))
+        if np.all(np.ptp(range_, axis=0) >= _LEAST_RANGE):
+            found[name] = _make_function(name, family, range_, flown[:, columns])
+    return found
 
 
 def _make_function(

@@ -15,18 +15,11 @@ from glider.compiled.replay import (
     measure_nodes,
     slopes_along,
 )
-from glider.physics.effects import (
-    COMMAND_DELAY,
-    PITCH_MOMENT,
-    PITCH_OFFSET,
-    POSE_LATENCY,
-    EffectKind,
-    Gaussians,
-)
+from glider.physics.effects import PITCH_MOMENT, PITCH_OFFSET, EffectKind, Gaussians
 from glider.physics.effects.free_functions import AIR_TERMS, ROWS, SENSOR_TERMS
 from glider.physics.state import NUM_STATES
-from glider.sysid.likelihood.directions import Direction, Shapes, is_slope, slopes
-from glider.sysid.replay.log_space import SERVO_LOG, sensed
+from glider.sysid.likelihood.directions import Direction, Shapes
+from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import signals, states_at_rest, trimmed, true_nodes
 
@@ -194,23 +187,11 @@ def linearize(
     by_x[at_stop, OFFSET], missed[at_stop, OFFSET] = 0.0, 0.0
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
-    delays = _elevator_delays(record)
-    late = {
-        j: delays[d.slot]
-        for j, d in moving.items()
-        if d.slot in delays and is_slope(space, d)
-    }
-    beside = {j: d for j, d in moving.items() if j not in plain and j not in late}
+    beside = {j: d for j, d in moving.items() if j not in plain}
     usual = nodes, ends
     secants = _secants(record, theta, gaussians, [*beside.values()], about, usual)
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
-    if any(late.values()):  # One secant serves all clocks.
-        _, commands, *_ = space.slots_of(SERVO_LOG.kind)
-        delay = slopes(space, [commands])
-        [per_second] = _secants(record, theta, gaussians, delay, about, usual)
-        for j, seconds in late.items():
-            inputs[:, :, j] = -seconds * per_second[:, :width]
 
     by_x = by_x.take(states, 1).take(states, 2)
     by_term = by_term.take(states, 1)
@@ -236,19 +217,6 @@ def linearize(
         outputs=_outputs(record, theta, gaussians, directions, nodes),
         start=start,
     )
-
-
-def _elevator_delays(record: Record) -> dict[int, float]:
-    """Returns how late the elevator is at the poses by each clock [s per unit].
-
-    The keys are slots of theta.
-    """
-    space = record.space
-    poses, commands, drift = space.slots_of(SERVO_LOG.kind)
-    [delay] = space.slots_of(COMMAND_DELAY.kind)
-    [latency] = space.slots_of(POSE_LATENCY.kind)
-    same = dict.fromkeys((poses, commands, delay, latency), 1.0)
-    return {**same, drift: record.place}
 
 
 def _secants(

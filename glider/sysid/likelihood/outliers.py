@@ -10,29 +10,43 @@ squares (Huber, Robust Statistics, 1981).
 import numpy as np
 
 from glider.campaign.checks.motion import robust_std
-from glider.sysid.constants import FOLDS, LEAST_DEVIATION, LEAST_SPREAD, Z
+from glider.sysid.constants import (
+    COARSE_NOISE,
+    LEAST_DEVIATION,
+    LEAST_SPREAD,
+    PER_OUTLIER,
+    Z,
+)
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.candidates import gather_in_parts
-from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values, whiten
+from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
 from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 
 _COARSE = "position", "pitch", "elevator", "air", "moment", "servo", "rest"
-COARSE_SCALES = Scales(**{name: Z * getattr(Scales, name) for name in _COARSE})
-"""Noise under which flights are compared: errors of any one model count little."""
+COARSE_SCALES = Scales(
+    **{name: COARSE_NOISE * getattr(Scales, name) for name in _COARSE}
+)
+"""Noise under which flights are compared."""
 _ROUNDS = 12  # Of reweighting.
 _LEAST_SQUARE = 1e-6  # Mean square that is rounding, as of logs without noise.
 
 
 def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
-    """Returns the outliers and their mean square over the median."""
-    if len(task.records) < FOLDS:
+    """Returns the outliers and their mean square over the median.
+
+    Logarithms are compared, since an error common to all flights scales the squares.
+    """
+    if len(task.records) < PER_OUTLIER:
         return {}
     squares = _mean_squares(task, noise)
     ratios = squares / np.median(squares)
-    places = np.flatnonzero(_stand_out(squares)).tolist()
+    is_out = _deviations(np.log(squares), LEAST_DEVIATION) > Z
+    if PER_OUTLIER * np.sum(is_out) > len(squares):
+        return {}
+    places = np.flatnonzero(is_out).tolist()
     return {task.records[i].name: float(ratios[i]) for i in places}
 
 
@@ -51,26 +65,6 @@ def _mean_squares(task: Task, noise: Noise) -> np.ndarray:
         weights = 1.0 / np.maximum(squares / np.median(squares), 1.0)
 
     return squares
-
-
-def find_unexplained(task: Task, model: FitResult) -> list[str]:
-    """Returns the flights whose errors are out of line under a model with its noise."""
-    found = [whiten(f, model.scales) for f in model_fit.error_flights(task, model)]
-    counts = [np.sum(record.seen) for record in task.records]
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        squares = np.array([np.sum(own.innovations**2) for own in found]) / counts
-    squares = np.maximum(np.nan_to_num(squares, nan=np.inf), _LEAST_SQUARE)
-    return [task.records[i].name for i in np.flatnonzero(_stand_out(squares)).tolist()]
-
-
-def _stand_out(squares: np.ndarray) -> np.ndarray:
-    """Finds the mean squares (flights,) that are out of line with the others.
-
-    Logarithms are compared, since an error common to all flights scales the squares.
-    """
-    with np.errstate(invalid="ignore"):  # A model may diverge on most of them.
-        outlying = _deviations(np.log(squares), LEAST_DEVIATION) > Z
-    return outlying & (FOLDS * np.sum(outlying) <= len(squares))
 
 
 def _deviations(values: np.ndarray, least: float) -> np.ndarray:
@@ -101,4 +95,4 @@ def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
             words = f"no other flight needs {kind} as of {values[i]:.2g}"
             found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
 
-    return found if FOLDS * len(found) <= len(task.records) else {}
+    return found if PER_OUTLIER * len(found) <= len(task.records) else {}

@@ -1,7 +1,7 @@
 """The fit of the scales of noise to flights: Fisher scoring and BFGS."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,10 +25,7 @@ _PRECISION = np.where(
 )
 
 
-_Flight = TypeVar("_Flight")
-
-
-def typical_flights(flights: Sequence[_Flight]) -> Sequence[_Flight]:
+def typical_flights(flights: Sequence[Any]) -> Sequence[Any]:
     """About FEW_FLIGHTS of many, evenly picked."""
     return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
 

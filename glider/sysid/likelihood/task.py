@@ -166,14 +166,6 @@ class FitResult:
         """Splits values of all coordinates by functions."""
         return [values[columns] for columns in self.places(0).values()]
 
-    def with_kinds(
-        self, task: Task, kinds: tuple[str, ...], theta: np.ndarray
-    ) -> "FitResult":
-        """Returns the model with other effects, and theta."""
-        return dataclasses.replace(
-            self, kinds=kinds, theta=theta, free=task.free(kinds)
-        )
-
     def without(self, task: Task, *gone: str) -> "FitResult":
         """Returns the model without some of its effects."""
         theta = self.theta.copy()
@@ -182,7 +174,7 @@ class FitResult:
         kinds = tuple(kind for kind in self.kinds if kind not in gone)
         functions = tuple(own for own in self.functions if own.name not in gone)
         return dataclasses.replace(
-            self.with_kinds(task, kinds, theta), functions=functions
+            self, kinds=kinds, theta=theta, free=task.free(kinds), functions=functions
         )
 
 

@@ -15,13 +15,7 @@ import numpy as np
 from glider.compiled import replay as compiled
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import OFFSET
-from glider.physics.effects import (
-    FLOW_VARIABLES,
-    NO_GAUSSIANS,
-    PITCH_MOMENT,
-    Gaussians,
-    Replay,
-)
+from glider.physics.effects import FLOW_VARIABLES, NO_GAUSSIANS, PITCH_MOMENT, Gaussians
 from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.log_space import resting_states, sensed
@@ -49,11 +43,6 @@ class _Signals(NamedTuple):
         return path, np.append(self.rate, self.rate[-1:])
 
 
-def latency_of(record: Record, replay: Replay) -> float:
-    """Returns by how much poses of a flight are logged late [s]."""
-    return replay.latency + replay.drift * record.place
-
-
 def signals(record: Record, theta: np.ndarray) -> _Signals:
     """Replays a log's elevator.
 
@@ -75,7 +64,8 @@ def _replayed(record: Record, last: bytes) -> _Signals:
         return _Signals(*still, np.ones(n, bool))
 
     middle = 0.5 * (record.time[1:] + record.time[:-1])
-    query = np.concatenate([record.time, middle]) - latency_of(record, replay)
+    latency = replay.latency + replay.drift * record.place
+    query = np.concatenate([record.time, middle]) - latency
     query = np.concatenate([query, record.time])
 
     def path_from(start: float) -> np.ndarray:
@@ -127,20 +117,12 @@ def true_nodes(
     zero unless they are asked for.
     """
     nodes = _without_sensors(record, theta, gaussians)
-    *_, logged, persists = signals(record, theta)
+    elevator, rate, logged, persists = signals(record, theta)
     shown = record.seen[:, 3] & persists
     if shown.any():  # Else the offset is unknown.
         nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
     if not with_states and record.space.acting_states(theta)[-1] < NUM_STATES:
         return nodes
-    return _with_states_along(record, theta, nodes, gaussians)
-
-
-def _with_states_along(
-    record: Record, theta: np.ndarray, nodes: np.ndarray, gaussians: Gaussians
-) -> np.ndarray:
-    """Returns nodes (n, num_states) with the effects' states that follow from them."""
-    elevator, rate, *_ = signals(record, theta)
     along = compiled.log_path(record.time, elevator, rate)
     begin = nodes.copy()
     begin[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
@@ -181,26 +163,6 @@ def _without_sensors(
     return nodes
 
 
-def flow_along(
-    record: Record,
-    theta: np.ndarray,
-    gaussians: Gaussians = NO_GAUSSIANS,
-    trim: float | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns smoothed true states (n, num_states) and the flow there (n, 5 + v).
-
-    With a trim, the elevator is off its path by that much, else as it was measured.
-    """
-    if trim is None:
-        nodes = true_nodes(record, theta, gaussians)
-    else:
-        theta, shift = trimmed(record, theta, trim)
-        nodes = true_nodes(record, theta, gaussians)
-        nodes[:, OFFSET] = shift
-
-    return nodes, flow_at_nodes(record, theta, nodes, gaussians)
-
-
 def flow_at_nodes(
     record: Record,
     theta: np.ndarray,
@@ -225,7 +187,10 @@ def make_table(
     """Stacks the residual of flights, each with its elevator trim [rad]."""
     flights = []
     for record, trim in zip(records, trims, strict=True):
-        nodes, flow = flow_along(record, theta, gaussians, trim)
+        moved, shift = trimmed(record, theta, trim)
+        nodes = true_nodes(record, moved, gaussians)
+        nodes[:, OFFSET] = shift
+        flow = flow_at_nodes(record, moved, nodes, gaussians)
         alpha = np.unwrap(flow[:, 5 + FLOW_VARIABLES.index("alpha")])
         turning = np.gradient(alpha, record.time)
         own = nodes[:, 2], flow, alpha, turning

@@ -72,7 +72,16 @@ def make_vehicle(campaign: Campaign, space: ParameterSpace = LIBRARY_SPACE) -> V
     unknown = [name for name in _BASELINE_PARAMETERS if name not in known]
     if "mass" not in known and not is_per_mass:
         unknown.append("mass")
-    of_log = _of_log(campaign, space)
+    servo = campaign.servo
+    log_spreads = (
+        servo.clock_std,
+        servo.command_std,
+        _DRIFT_SPREAD * (servo.clock_std > 0.0),
+        constants.TAIL_SPREAD * (servo.angle == "reconstructed"),
+    )
+    slots = *space.slots_of(SERVO_LOG.kind), *space.slots_of(ELEVATOR_SCALE.kind)
+    pairs = zip(slots, log_spreads, strict=True)
+    of_log = {slot: spread for slot, spread in pairs if spread}
     facts = _facts(campaign)
     dropped, notes = _hidden(campaign, space, facts)
     dropped |= {space.owners[slot] for slot in of_log}
@@ -176,13 +185,3 @@ def _parameters(campaign: Campaign, is_per_mass: bool) -> GliderParameters:
     assumed["elevator_limits"] = None if limits is None else list(limits)
     assumed["elevator_rate_limit"] = campaign.elevator_rate_limit
     return GliderParameters(**{**assumed, **campaign.vehicle})
-
-
-def _of_log(campaign: Campaign, space: ParameterSpace) -> dict[int, float]:
-    """Slots of theta that a log leaves open, and their spread."""
-    servo = campaign.servo
-    travel = constants.TAIL_SPREAD * (servo.angle == "reconstructed")
-    drift = _DRIFT_SPREAD * (servo.clock_std > 0.0)
-    spreads = servo.clock_std, servo.command_std, drift, travel
-    slots = *space.slots_of(SERVO_LOG.kind), *space.slots_of(ELEVATOR_SCALE.kind)
-    return {slot: spread for slot, spread in zip(slots, spreads, strict=True) if spread}

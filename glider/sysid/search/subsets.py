@@ -52,7 +52,7 @@ class Scorer:
         """Returns the evidence of a set without its penalty [nats]."""
         key = tuple(sorted(members))
         if key not in self._kept:
-            [self._kept[key]] = self.evidence.extended(_columns_of(members), [()])
+            [self._kept[key]] = self.evidence.extended(columns_of(members), [()])
         return self._kept[key]
 
     def lost(self, members: Members) -> dict[str, float]:
@@ -85,7 +85,7 @@ class Scorer:
         kinds = tuple(kind for kind, _ in members)
         model = model.without(task, *(set(model.kinds) - set(kinds)))
         theta = model.theta
-        columns = _columns_of(members)
+        columns = columns_of(members)
         steps = dict(zip(columns, self.evidence.step(columns), strict=True))
         functions = model.by_name
         for kind, variant in members:
@@ -126,7 +126,7 @@ class Scorer:
         pairs = ((tuple(sorted(own)), own) for own in sets)
         if new := {key: own for key, own in pairs if key not in self._kept}:
             more = [variant for *_, (_, variant) in new.values()]
-            gains = self.evidence.extended(_columns_of(members), more)
+            gains = self.evidence.extended(columns_of(members), more)
             self._kept.update(zip(new, gains, strict=True))
 
         return sets
@@ -205,7 +205,7 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
     return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own
 
 
-def _columns_of(members: Members) -> list[int]:
+def columns_of(members: Members) -> list[int]:
     """Returns the columns of a set."""
     return [column for _, variant in members for column in variant]
 

@@ -1,8 +1,7 @@
 """The search for effects: sets of the library, by evidence or by predictions.
 
 One loop over moves: all flights are made linear about the best model so far, better
-sets are proposed in closed form and fitted, until no move finds one. What resampled
-flights do not support is dropped, and the loop goes on without it. Where forces are
+sets are proposed in closed form and fitted, until no move finds one. Where forces are
 unknown the best sets are those that predict held-out flights best.
 """
 
@@ -19,7 +18,6 @@ from glider.sysid.constants import (
     EXPLAINED,
     FOLLOWED,
     HELD_OUT_THRESHOLD,
-    LEAST_SUPPORT,
     MOSTLY,
     RIVAL_GAP,
     SLIGHT,
@@ -31,11 +29,9 @@ from glider.sysid.likelihood.scales import NAMES, start_scales
 from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.result import UNEXPLAINED
-from glider.sysid.search import moves
+from glider.sysid.search.moves import Search
 from glider.sysid.search.subsets import best_set, climb, scorer_of, threshold_of
-from glider.sysid.search.support import EffectSupport, Search, SearchResult, weigh
 
-_FIRST = ("best set",)  # Moves among effects that are new to the search.
 # Unknown parameters of a vehicle that barely show in the forces.
 _OF_MOMENT = ("pitch_inertia", "wing_offset")
 # Scales that are estimated from the forces: errors of the moment, whose formula is
@@ -44,34 +40,45 @@ _OF_FORCES = ("wind", "trim", "pitch_zero")
 _ROUNDS = 4  # Of sets and strengths of errors that depend on each other.
 
 
-def trace(
-    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
-) -> SearchResult:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SearchResult:
+    """Outcome of a search."""
+
+    model: FitResult  #: With the effects that were found.
+    bare: FitResult  #: The model without any, fitted.
+    evidence: dict[str, float]  #: Kind to the evidence lost without it [nats].
+    names: dict[str, str]  #: By which effects are reported; others are not.
+    #: Models of sets that are nearly as likely, and the evidence that they lack [nats].
+    rivals: tuple[tuple[FitResult, float], ...] = ()
+    threshold: float  #: Evidence of an effect beside others, at least [nats].
+    #: The model as it was judged, along the measured attitude, if not as it is.
+    forces: FitResult | None = None
+
+    @property
+    def judged(self) -> FitResult:
+        """The model in which the effects were compared."""
+        return self.model if self.forces is None else self.forces
+
+
+def trace(task: Task, noise: Noise, progress: Progress) -> SearchResult:
     """Finds the effects that the flights show.
 
     By their evidence; where forces are unknown, by predictions of held-out flights.
     """
-    if task.vehicle.knows_forces:
-        return _trace_by_evidence(task, noise, rng, progress)
-    return _trace_by_predictions(task, noise, rng, progress)
-
-
-def _trace_by_evidence(
-    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
-) -> SearchResult:
+    if not task.vehicle.knows_forces:
+        return _trace_by_predictions(task, noise, progress)
     search = Search(task, progress)
     model = _searched(search, start_of(task, noise))
     progress(Step("weighing the effects", 0.76))
-    model, evidence, weighed = _supported(search, model, rng)
+    model, evidence = _needed(search, model)
     progress(Step("fitting the flat plate alone", 0.8))
     bare = search.fit(model.without(task, *model.kinds))
     return SearchResult(
         model=model,
         bare=bare,
         evidence=evidence,
-        weighed=weighed,
         names=_names_of(search, model, evidence),
-        rivals=_rivals_of(search, model, weighed),
+        rivals=_rivals_of(search, model),
         threshold=threshold_of(task, "", model.kinds),
     )
 
@@ -85,19 +92,17 @@ def _searched(search: Search, model: FitResult) -> FitResult:
     early = without_late(task)
     # A formula's own free function would come before it.
     search.task = early.offering(early.kinds)
-    model = _improved(search, model, _FIRST)
+    model = search.improved(model, by_sets_only=True)
     search.task = early
-    model = _improved(search, model)
+    model = search.improved(model)
     if early is task:
         return model
     search.task = task
-    late = _improved(search, model, _FIRST)
-    return model if late is model else _improved(search, late)
+    late = search.improved(model, by_sets_only=True)
+    return model if late is model else search.improved(late)
 
 
-def _rivals_of(
-    search: Search, model: FitResult, weighed: Mapping[str, EffectSupport]
-) -> tuple[tuple[FitResult, float], ...]:
+def _rivals_of(search: Search, model: FitResult) -> tuple[tuple[FitResult, float], ...]:
     """Returns the fitted sets that lack little evidence, and how much [nats].
 
     First those without one of the effects. The best without each formula, whatever
@@ -105,7 +110,6 @@ def _rivals_of(
     """
     own = set(model.kinds)
     best = search.penalized_cost(model)
-    swapped = [own - {k} | {r} for k, w in weighed.items() for r in w.rivals]
     if (near := search.near(model)) is not None:
         members = near.by_first(model.kinds)
         offered = {k for k in near.variants if k not in FAMILIES or k in own}
@@ -116,12 +120,9 @@ def _rivals_of(
                 search.fit(near.begin(others))
 
     found = []
-    allowed = search.task.offered
     for kinds, other in search.fitted.items():
-        lack = search.penalized_cost(other) - best
-        if kinds in swapped or (kinds <= allowed and lack > -RIVAL_GAP):
-            lack = max(lack, 0.0)
-        if kinds != own and 0.0 <= lack < RIVAL_GAP:
+        lack = max(search.penalized_cost(other) - best, 0.0)
+        if kinds != own and lack < RIVAL_GAP:
             found.append((other, lack))
 
     found.sort(key=lambda pair: (own.issubset(pair[0].kinds), pair[1]))
@@ -173,63 +174,23 @@ def _names_of(
     return names
 
 
-def _improved(
-    search: Search, model: FitResult, names: Collection[str] = moves.MOVES
-) -> FitResult:
-    """Returns the model that none of the moves betters."""
-    better: FitResult | None = model
-    while better:
-        model = better
-        for name in names:
-            search.progress(name)
-            better = moves.MOVES[name](search, model)
-            if better:
-                break
-    return model
+def _needed(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]]:
+    """Returns a model that is worth less without any effect, and their evidence.
 
-
-def _supported(
-    search: Search, model: FitResult, rng: np.random.Generator
-) -> tuple[FitResult, dict[str, float], dict[str, EffectSupport]]:
-    """Returns a model of effects that resampled flights support, and their support.
-
-    What takes the place of an effect that they do not support, but is not clearly worth
-    more, they do not support either.
+    The evidence is what is lost without an effect [nats]. Where a model without one
+    diverges it is at least as much as that of any other.
     """
-    least: FitResult | None = None  # With the last effect that they did not support.
-
-    def grown(model: FitResult) -> FitResult:
-        other = _improved(search, model)
-        return other if least is None or search.prefers(other, least) else model
-
     while True:
-        fewer = moves.one_less(search, model)
+        fewer = {kind: search.fit_without(model, kind) for kind in model.kinds}
         best = min(fewer.values(), key=search.penalized_cost, default=model)
-        if search.prefers(best, model):
-            model = grown(best)
-            continue
+        if not search.prefers(best, model):
+            break
+        model = search.improved(best)
 
-        weighed = weigh(search.task, model, rng)
-        evidence = _evidence_of(model, fewer)
-        doubted = [k for k, own in weighed.items() if own.support < LEAST_SUPPORT]
-        if not doubted:
-            return model, evidence, weighed
-        weak = min(doubted, key=evidence.__getitem__)
-        task = search.task
-        least = model
-        search.task = task.offering(task.offered - {weak})
-        model = grown(search.fit(model.without(task, weak)))
-
-
-def _evidence_of(model: FitResult, fewer: Mapping[str, FitResult]) -> dict[str, float]:
-    """Returns the evidence lost without each effect, of models without them [nats].
-
-    Where one of these diverges it is at least as much as that of any other.
-    """
     own = model.cost + model.freedom
-    lost = {kind: m.cost + m.freedom - own for kind, m in fewer.items()}
+    lost = {kind: other.cost + other.freedom - own for kind, other in fewer.items()}
     most = max(filter(np.isfinite, lost.values()), default=CLEAR)
-    return {kind: v if np.isfinite(v) else most for kind, v in lost.items()}
+    return model, {k: v if np.isfinite(v) else most for k, v in lost.items()}
 
 
 def without_late(task: Task, kept: Collection[str] = ()) -> Task:
@@ -246,9 +207,7 @@ def without_late(task: Task, kept: Collection[str] = ()) -> Task:
 # Gliders of which little is known: forces come first, whatever the moment.
 
 
-def _trace_by_predictions(
-    task: Task, noise: Noise, rng: np.random.Generator, progress: Progress
-) -> SearchResult:
+def _trace_by_predictions(task: Task, noise: Noise, progress: Progress) -> SearchResult:
     """Finds the effects that the forces along the measured attitude show.
 
     No formula of an unknown glider is right: what is left of the forces is an error
@@ -264,13 +223,15 @@ def _trace_by_predictions(
         grams = candidates.grams(model.scales)
         score = scorer_of(candidates, grams, np.ones(len(grams)))
         members = best_set(score)
-        model = _refit_forces(task, score.begin(members))
+        model = fit_model(task, score.begin(members), free_scales=())
+        # With the errors that it leaves in the forces.
+        flights = error_flights(task, model)
+        scales = fit_scales(flights, model.scales, free=("air", "air_time")).scales
+        model = dataclasses.replace(model, scales=scales)
         if frozenset(model.kinds) in tried:
             break
         tried.append(frozenset(model.kinds))
 
-    progress(Step("weighing the effects", 0.3))
-    weighed = weigh(task, model, rng)
     bare = model
     if model.kinds:
         progress(Step("fitting the flat plate alone", 0.5))
@@ -281,19 +242,10 @@ def _trace_by_predictions(
         model=_with_moment(task, model, noise),
         bare=_with_moment(task, bare, noise),
         evidence=score.lost(members),
-        weighed=weighed,
         names={kind: kind for kind in model.kinds},
         threshold=HELD_OUT_THRESHOLD["effect"],
         forces=model,
     )
-
-
-def _refit_forces(task: Task, model: FitResult) -> FitResult:
-    """Returns a model fitted to the forces, and the errors that it leaves there."""
-    model = fit_model(task, model, free_scales=())
-    flights = error_flights(task, model)
-    scales = fit_scales(flights, model.scales, free=("air", "air_time")).scales
-    return dataclasses.replace(model, scales=scales)
 
 
 def _slots_of_moment(task: Task) -> set[int]:

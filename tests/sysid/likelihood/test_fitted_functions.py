@@ -27,9 +27,7 @@ from glider.sysid.likelihood.fitted_functions import (
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model, with_functions
 from glider.sysid.outcome import model_of
-from glider.sysid.search.moves import _renamed
-from glider.sysid.search.support import Search
-from glider.sysid.search.tracing import _improved
+from glider.sysid.search.moves import Search
 from tests.helpers.other_forms import FORMS
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -116,9 +114,9 @@ def test_about_a_model_that_diverges_nothing_is_seen(vent):
 def test_the_function_is_the_vent(vent):
     """Of the right height and place; it blows upward alone."""
     search, plate = vent
-    found = _improved(search, plate)
+    found = search.improved(plate)
     assert found.kinds == ("air along z over x",)
-    assert _renamed(search, found) is None
+    assert search._renamed(found) is None
     (own,) = found.functions
     x = np.linspace(-2.6, -1.0, 161)[:, None]
     blown = own.gaussians(x) @ own.weights
@@ -129,7 +127,7 @@ def test_the_function_is_the_vent(vent):
 def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
     """Not a drag, nor moving air: it does not depend on the airspeed."""
     search, plate = searched(TOW, kinds=("thrust", "profile_drag", "mass", "wind"))
-    found = _improved(search, plate)
+    found = search.improved(plate)
     assert set(found.kinds) <= {"push over t", "thrust"}
     own = found.by_name["push over t"]
     t = np.array([0.03, 0.06, 0.3, 0.7])
@@ -144,7 +142,7 @@ def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
 def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha():
     """Neither drags nor a moment by the pitch rate, which stood in for it."""
     search, plate = searched(SHED, kinds=("added_mass", "inertia", "induced_drag"))
-    found = _improved(search, plate)
+    found = search.improved(plate)
     assert found.free_kinds == ("added mass over alpha",)
     assert set(found.kinds) <= {"added mass over alpha", "added_mass"}
     own = found.by_name["added mass over alpha"]
@@ -186,7 +184,7 @@ def test_a_stream_of_another_form_is_one_family_not_several_effects():
         weights={"tail_downwash": [0.15]},
     )
     search, plate = searched(bump, flights=8)
-    found = _improved(search, plate)
+    found = search.improved(plate)
     assert found.free_kinds == ("stream at the tail over alpha",)
     assert not set(found.kinds) - {*found.free_kinds, "downwash", "stalled_downwash"}
 
@@ -199,9 +197,8 @@ def test_a_damping_that_fades_with_alpha_is_a_function_of_two(tmp_path, monkeypa
     campaign, _ = draw(2, family="damping", count=1)
     task, noise = task_of(campaign)
     task = dataclasses.replace(task, kinds=("pitch_damping", "mass"))
-    found = _improved(
-        Search(task, lambda text: None), fit_model(task, begin(task, noise))
-    )
+    plate = fit_model(task, begin(task, noise))
+    found = Search(task, lambda text: None).improved(plate)
     assert "moment over alpha and reduced_rate" in found.free_kinds
     model = model_of(task, found, Signs())
     model.save(tmp_path / "model.yaml")
@@ -299,9 +296,8 @@ def test_an_uneven_pitch_is_an_error_of_the_measured_pitch_alone(vent):
 def test_a_bent_floor_is_an_error_of_the_measured_height():
     campaign, _ = draw(302, family="sensor_position", count=1)
     task, noise = task_of(campaign)
-    found = _improved(
-        Search(task, lambda text: None), fit_model(task, begin(task, noise))
-    )
+    plate = fit_model(task, begin(task, noise))
+    found = Search(task, lambda text: None).improved(plate)
     assert "measured z over x and z" in found.free_kinds
     assert found.scales.air < 0.01 and found.scales.moment < 0.1
 

@@ -34,8 +34,7 @@ def traced(throws, request):
     if request.param == "few":
         few = tuple(kind for kind in task.kinds if kind in FEW)
         task = dataclasses.replace(task, kinds=few)
-    rng = np.random.default_rng(0)
-    return task, trace(task, noise, rng, lambda text: None), truth
+    return task, trace(task, noise, lambda text: None), truth
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.search.moves import _with_mean
 from tests.helpers.searches import search_among
 
 
@@ -11,10 +10,8 @@ def test_what_all_flights_have_is_no_spread():
     search, plate = search_among(KINDS["pitch_offset"](angle=0.03), "pitch_offset")
     spread = search.fit(plate)
     assert spread.scales.pitch_zero == pytest.approx(0.03, rel=0.3)
-    found = _with_mean(search, spread)
-    assert found is not None
+    found = search.improved(spread)
     assert found.kinds == ("pitch_offset",)
     slot = search.task.space.index["pitch_offset.angle"]
     assert found.theta[slot] == pytest.approx(0.03, abs=1e-3)
     assert found.scales.pitch_zero < 0.003
-    assert _with_mean(search, found) is None

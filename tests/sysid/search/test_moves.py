@@ -5,18 +5,21 @@ import types
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.task import start_of
-from glider.sysid.search.moves import MOVES, _pruned, _reshaped, _with_another, one_less
-from glider.sysid.search.support import Search
-from glider.sysid.search.tracing import _improved
+from glider.sysid.search.moves import Search
+from glider.sysid.search.tracing import _needed
 from tests.helpers.searches import kinds_fitted, search_among
 from tests.helpers.tasks import fly, task_of
+
+
+def with_kinds(task, model, *kinds):
+    return dataclasses.replace(model, kinds=kinds, free=task.free(kinds))
 
 
 def test_a_rival_takes_the_place_of_what_was_named_for_it():
     offered = ("servo_lag", "command_delay")
     search, plate = search_among(KINDS["servo_lag"](time_constant=0.03), *offered)
     named = kinds_fitted(search, plate, "command_delay")
-    found = _with_another(search, named)
+    found = search._with_another(named)
     assert found is not None
     assert "servo_lag" in found.kinds
     assert search.penalized_cost(found) < search.penalized_cost(named)
@@ -27,7 +30,7 @@ def test_a_tilted_frame_is_no_turned_pitch_with_a_thrust():
     offered = ("frame_tilt", "pitch_offset", "thrust")
     search, plate = search_among(KINDS["frame_tilt"](angle=0.02), *offered)
     pair = kinds_fitted(search, plate, "pitch_offset", "thrust")
-    found = _improved(search, pair)
+    found = search.improved(pair)
     assert found.kinds == ("frame_tilt",)
     assert search.penalized_cost(found) < search.penalized_cost(pair)
 
@@ -35,11 +38,11 @@ def test_a_tilted_frame_is_no_turned_pitch_with_a_thrust():
 def test_what_is_not_needed_is_dropped():
     offered = ("frame_tilt", "mass")
     search, plate = search_among(KINDS["frame_tilt"](angle=0.02), *offered)
-    model = _pruned(search, kinds_fitted(search, plate, *offered))
-    assert model is not None and model.kinds == ("frame_tilt",)
-    without = one_less(search, model)["frame_tilt"]
-    assert search.penalized_cost(without) - search.penalized_cost(model) > 100.0
-    assert _pruned(search, model) is None
+    both = kinds_fitted(search, plate, *offered)
+    assert search._pruned(both).kinds == ("frame_tilt",)
+    model, evidence = _needed(search, both)
+    assert model.kinds == ("frame_tilt",)
+    assert evidence["frame_tilt"] > 100.0
 
 
 def test_a_stall_is_found_behind_three_that_imitate_it():
@@ -48,10 +51,10 @@ def test_a_stall_is_found_behind_three_that_imitate_it():
     task = dataclasses.replace(task, kinds=(*imitate, "attached_lift"))
     search = Search(task, lambda text: None)
     start = start_of(task, noise)
-    model = search.fit(start.with_kinds(task, imitate, start.theta))
-    found = _improved(search, model)
+    model = search.fit(with_kinds(task, start, *imitate))
+    found = search.improved(model)
     assert found.kinds == ("attached_lift",)
-    assert all(move(search, found) is None for move in MOVES.values())
+    assert search.improved(found) is found
 
 
 def test_a_second_drag_is_found_behind_the_first():
@@ -60,22 +63,9 @@ def test_a_second_drag_is_found_behind_the_first():
     task = dataclasses.replace(task, kinds=("profile_drag", "induced_drag", "mass"))
     search = Search(task, lambda text: None)
     start = start_of(task, noise)
-    model = search.fit(start.with_kinds(task, ("profile_drag",), start.theta))
-    found = _improved(search, model)
+    model = search.fit(with_kinds(task, start, "profile_drag"))
+    found = search.improved(model)
     assert set(found.kinds) == {"profile_drag", "induced_drag"}
-
-
-def test_a_stall_that_a_fit_did_not_reach_is_found_from_where_there_is_none():
-    search, plate = search_among(KINDS["attached_lift"](slope=3.0), "attached_lift")
-    theta, slots = plate.theta.copy(), search.task.space.slots_of("attached_lift")
-    theta[list(slots)] = 0.2, 0.9, 0.2  # Slope, and a stall that no flight reached.
-    trapped = search.fit(plate.with_kinds(search.task, ("attached_lift",), theta))
-    found = _reshaped(search, trapped)
-    assert found is not None and found.kinds == trapped.kinds
-    assert search.penalized_cost(found) < search.penalized_cost(trapped) - 50.0
-    assert search.fit(trapped) is found  # The better one of the set is kept,
-    assert _reshaped(search, found) is None
-    assert search.fit(trapped, again=True) is found  # whatever is fitted again.
 
 
 def test_of_sets_worth_more_than_the_model_the_best_is_taken(monkeypatch):
@@ -104,7 +94,7 @@ def test_a_fit_that_stopped_far_behind_a_rival_is_done_when_it_is_asked_for():
     search, plate = search_among(KINDS[stall](slope=3.0), stall, drag)
     done = kinds_fitted(search, plate, stall)
     search.fitted.clear()
-    start = plate.with_kinds(search.task, (stall,), plate.theta)
+    start = with_kinds(search.task, plate, stall)
     rival = dataclasses.replace(plate, cost=done.cost - 1e4)
     stopped = search.fit(start, rival=rival)
     assert stopped.cost > done.cost + 10.0
