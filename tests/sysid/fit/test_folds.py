@@ -178,6 +178,7 @@ def test_a_fold_of_a_glider_of_unknown_mass_frees_nothing_that_was_fixed():
     assert found.kinds != model.kinds and fixed not in found.free
 
 
+@pytest.mark.nightly
 def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone():
     campaign = fly(KINDS["mass"](change=0.1), flights=7)
     task, noise = task_of(campaign)

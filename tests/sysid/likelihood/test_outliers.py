@@ -90,6 +90,7 @@ def test_a_flight_that_needs_far_other_values_is_apart():
     assert "no other flight needs" in found[NAME]
 
 
+@pytest.mark.nightly
 def test_a_flight_that_a_model_cannot_explain_as_the_others_is_found():
     """Its elevator moves for a while by 40 mrad: no flight of another glider does."""
     campaign = fly(KINDS["profile_drag"](cd0=0.05), flights=10, duration=0.6)
