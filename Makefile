@@ -1,5 +1,5 @@
 # make demo        sets up .venv and runs the main command on a sample campaign
-# make test        sets up .venv and runs the tests, in about nine minutes
+# make test        sets up .venv and runs the tests, in about six minutes
 # make browser     the tests of pages, in a browser
 # make docs        builds the docs into out/docs, every warning an error; tests them
 # make readme      the commands of README.md, in a fresh environment with the wheel

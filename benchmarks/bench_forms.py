@@ -4,7 +4,7 @@
         [--family ground] [--effects 2] [--nulls 200] [--jobs 2] [--json FILE.jsonl]
 
 Campaigns of one to four effects, none in the library's formula
-(`tests.helpers.other_forms`), 12 to 40 flights; odd seeds fly in turbulence, and in a
+(`benchmarks.other_forms`), 12 to 40 flights; odd seeds fly in turbulence, and in a
 third of them trims, pitch zeros and winds differ from flight to flight. The truth is
 the library's own chain with hooks in its links. Of a nulls' campaign nothing is wrong
 with the glider; every other pair of them has a fault of the measuring chain.
@@ -31,13 +31,14 @@ from typing import Any
 import joblib
 import numpy as np
 
+from benchmarks.hooked_flight import EVERY, HookedGlider, predict
+from benchmarks.other_forms import FAMILIES, FORMS, RIVALS, Family
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.physics.parameters import GliderParameters
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import FoundEffect, Result
-from tests.helpers.hooked_flight import EVERY, HookedGlider, predict
 from tests.helpers.lifelike import (
     COMMAND_RATE,
     Capture,
@@ -48,7 +49,6 @@ from tests.helpers.lifelike import (
     log_poses,
 )
 from tests.helpers.lifelike_flight import Servo, elevator_paths, gusts
-from tests.helpers.other_forms import FAMILIES, FORMS, RIVALS, Family
 
 COUNTS = (1, 1, 2, 2, 3, 4)
 """How many effects a campaign has, each as likely."""

@@ -3,7 +3,7 @@
     python -m benchmarks.bench_next_throw [--truths 20] [--first 0]
         [--most 12] [--jobs 1] [--lines FILE.jsonl]
 
-Each hidden truth is a glider of `tests.helpers.hidden`, with one small effect that has
+Each hidden truth is a glider of `benchmarks.hidden`, with one small effect that has
 close rivals; the air moves, and each flight has its trim. Two flights of the kind that
 campaigns are made of are given. Then one throw at a time is flown until the right one
 of the rivals has probability 0.95: designed; random, of that kind again; or the plain
@@ -27,9 +27,9 @@ from typing import Any
 import joblib
 import numpy as np
 
+from benchmarks.hidden import RIVALS, Thrower, perch_throw, probability, weigh
 from glider.experiments.proposal import propose
 from glider.experiments.throw_limits import ThrowLimits
-from tests.helpers.hidden import RIVALS, Thrower, perch_throw, probability, weigh
 
 ENOUGH = 0.95
 """Probability of the right explanation that ends a campaign."""

@@ -6,7 +6,7 @@
 
 The first table has, for every size of the library's effects, the smallest that so many
 flights show to an oracle, and the smallest that it distinguishes from its rivals
-(`benchmarks.power`), the median of DRAWS campaigns of `tests.helpers.hidden`
+(`benchmarks.power`), the median of DRAWS campaigns of `benchmarks.hidden`
 without an effect: moving air of 0.1 m/s, trims that differ by 0.01 rad.
 
 The second plants effects of some times the size that the oracle needs with the very
@@ -28,13 +28,13 @@ from typing import Any
 import joblib
 import numpy as np
 
+from benchmarks.hidden import Thrower, campaign
+from benchmarks.one_effect import ONE_SIGN, PLANTED
 from benchmarks.power import Limit, limits_of
 from glider.errors import InputError
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.pipeline import close_the_loop
-from tests.helpers.hidden import Thrower, campaign
 from tests.helpers.known_truth import begin, task_of
-from tests.helpers.one_effect import ONE_SIGN, PLANTED
 
 DRAWS = 5
 """Campaigns of which a limit is the median: each has its own flights."""

@@ -42,8 +42,9 @@ FASTER = {
 }
 """Options that make an example shorter: by default it flies hundreds of launches."""
 
-LONGEST = ("glider close-the-loop four_at_once",)
-"""Run by make nightly: the sample campaign of `make demo` goes the same way."""
+LONGEST = ("glider close-the-loop four_at_once", "python examples/perching_funnel.py")
+"""Run by make nightly: the sample campaign of `make demo` goes the same way, and
+tests/examples/test_scripts.py checks funnels at few times."""
 
 SERVERS = ("glider lab",)
 """Commands that serve a page until Ctrl-C."""

@@ -7,6 +7,8 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
+from tests.helpers.legs import IS_LEFT_OUT
+
 
 def compile_tracer() -> None:
     """Compiles the loops that trace effects."""
@@ -49,6 +51,16 @@ def compile_samples(*kinds: str) -> None:
     mppi_step(cost, start, mean, rng, MppiSettings(samples=2))
 
 
+def compile_taylor() -> None:
+    """Compiles the arithmetic of Taylor models, of which proofs are made."""
+    from glider.paths import models_path
+    from glider.verification.dynamics.defect import defect_bounds
+    from glider.verification.funnel.funnel import load_funnel
+
+    funnel = load_funnel(models_path("funnels", "drawn.npz"))
+    defect_bounds(funnel.between(0, 1).nominal)
+
+
 def _model(*kinds):
     from glider.physics.model import GliderModel
     from tests.helpers.tasks import typical
@@ -65,8 +77,10 @@ JOBS = (
     (compile_samples,),
     (compile_samples, "servo_lag", "ground_effect"),
 )
+PROOFS = () if IS_LEFT_OUT else ((compile_taylor,),)
+"""Jobs of tests that one of two interpreters leaves out."""
 
 if __name__ == "__main__":
     with ProcessPoolExecutor() as pool:  # Compilers of one process wait in turn.
-        for job in [pool.submit(*job) for job in JOBS]:
+        for job in [pool.submit(*job) for job in (*PROOFS, *JOBS)]:
             job.result()

@@ -13,15 +13,15 @@ from benchmarks.bench_forms import (
     taken_place,
     with_play,
 )
+from benchmarks.hooked_flight import EVERY, HookedGlider, hook
+from benchmarks.other_forms import FAMILIES, FORMS, RIVALS
 from glider.physics.effects import ADDED_MASS, DYNAMIC_STALL, EffectKind
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import fly_path
 from glider.sysid.replay.log_space import log_space_of, sensed, vector_of
 from glider.sysid.result import FoundEffect
-from tests.helpers.hooked_flight import EVERY, HookedGlider, hook
 from tests.helpers.lifelike import Capture
 from tests.helpers.lifelike_flight import STEP
-from tests.helpers.other_forms import FAMILIES, FORMS, RIVALS
 
 STEPS = 600
 
@@ -70,6 +70,7 @@ def test_hooked_flights_are_the_librarys(kind, values):
         np.testing.assert_allclose(poses[:, i], expected, rtol=0.0, atol=1e-8)
 
 
+@pytest.mark.nightly
 def test_a_perfect_model_leaves_little_more_than_noise_in_still_air():
     campaign, truth = draw(4, count=1)
     assert not truth.air[0]

@@ -24,7 +24,8 @@ def done(tmp_path_factory):
     out = tmp_path_factory.mktemp("out") / "report"
     flights = ",".join(first_flights(5))
     campaign = str(campaign_path("attached_lift"))
-    code = main(["close-the-loop", campaign, "--out", str(out), "--flights", flights])
+    few = ["--flights", flights, "--effects", "attached_lift,profile_drag"]
+    code = main(["close-the-loop", campaign, "--out", str(out), *few])
     return code, out
 
 

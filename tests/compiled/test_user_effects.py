@@ -1,6 +1,7 @@
 """A user effect goes through the whole loop like one of the library."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -37,7 +38,11 @@ from tests.helpers.columns import column_error
 from tests.helpers.own_kinds import ALL, BLEED, BOOM, FLAP, INFLOW, LEAK, STICKY, TWIST
 from tests.helpers.tasks import begin, task_of
 
-SPACE = log_space(ALL)
+
+@functools.cache
+def own_space():
+    """Compiles formulas: not when the tests are collected."""
+    return log_space(ALL)
 
 
 def planted(kind, **plan):
@@ -55,8 +60,10 @@ def planted(kind, **plan):
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(FLAP, marks=pytest.mark.nightly), BOOM],
-    ids=["flap", "boom"],
+    params=[
+        pytest.param(kind, id=kind.kind, marks=pytest.mark.nightly)
+        for kind in (FLAP, BOOM)
+    ],
 )
 def closed(request):
     """A user effect without and one with a state of its own, closed the loop on."""
@@ -99,8 +106,8 @@ def test_the_corrected_model_is_saved_loaded_and_flown(closed, tmp_path):
 @pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.kind)
 def test_user_effects_of_each_stage_are_fitted(kind):
     model, campaign = planted(kind, flights=4)
-    task, noise = task_of(campaign, SPACE)
-    truth, slots = vector_of(model), list(SPACE.slots_of(kind.kind))
+    task, noise = task_of(campaign, own_space())
+    truth, slots = vector_of(model), list(own_space().slots_of(kind.kind))
     found = fit_model(task, begin(task, noise, [kind.kind]))
     known = uncertainty_of(task, found)
     std = np.array([known.std(slot) for slot in slots])
@@ -113,7 +120,7 @@ def test_user_effects_of_each_stage_are_fitted(kind):
 def test_flights_are_those_of_the_plant(monkeypatch):
     """What the log's kernel flies, with its states at rest, is what Drake flies."""
     model, campaign = planted(BOOM, flights=3)
-    task, noise = task_of(campaign, SPACE)
+    task, noise = task_of(campaign, own_space())
     record, theta = task.records[0], vector_of(model)
     known = RolloutModel(
         theta=theta,
@@ -125,7 +132,7 @@ def test_flights_are_those_of_the_plant(monkeypatch):
     start = find_launch(known, record)[0]
     start[7:] = 0.0
     path = log_path(record.time, *signals(record, theta)[:2])
-    flown = roll_out(SPACE.flown, path, start, theta, model.gaussians)
+    flown = roll_out(own_space().flown, path, start, theta, model.gaussians)
     present = tuple(e for e in model.effects if e.kind is BOOM)
     plant = GliderPlant(model=dataclasses.replace(model, effects=present))
     simulator = Simulator(plant)
@@ -156,22 +163,22 @@ def test_own_states_rest_where_the_plant_has_them_rest():
     own += [BOOM(gain=1e-3), INFLOW(gain=0.1)]
     plant = GliderPlant(model=GliderModel(effects=tuple(own)))
     state = np.array([-2.0, 0.3, -0.2, 0.1, 6.0, -1.0, 0.5])
-    theta = SPACE.pack(plant.model.parameters)
-    rest = resting_states(SPACE, 0.0, state, 0.0, theta)
+    theta = own_space().pack(plant.model.parameters)
+    rest = resting_states(own_space(), 0.0, state, 0.0, theta)
     np.testing.assert_allclose(rest, plant.model.initial_state(state)[7:])
     assert rest[4] > 0.1  # It sinks.
-    assert resting_states(SPACE, 0.0, state, 3.0, theta)[3] == 3.0
+    assert resting_states(own_space(), 0.0, state, 3.0, theta)[3] == 3.0
 
 
 def test_a_flight_begins_near_rest():
     """Within a share of the states' scales, as its prior has it."""
     model, campaign = planted(BOOM, flights=3)
-    task, _ = task_of(campaign, SPACE)
+    task, _ = task_of(campaign, own_space())
     record, theta = task.records[0], vector_of(model)
     start = true_nodes(record, theta)[0]
     elevator, rate, *_ = signals(record, theta)
     launch = start + np.eye(len(start))[3] * elevator[0, 0]
-    rest = resting_states(SPACE, 0.0, launch, rate[0], theta)
+    rest = resting_states(own_space(), 0.0, launch, rate[0], theta)
     assert np.all(rest != 0.0)
     np.testing.assert_allclose(start[7:], rest)
     flight = linearize(record, theta, model.gaussians)
@@ -187,10 +194,10 @@ def test_a_flight_begins_near_rest():
 def test_columns_are_derivatives_of_the_errors(kind):
     fine = MotionCapture(position=1e-7, pitch=1e-7, elevator=1e-7)
     model, campaign = planted(kind, flights=2, duration=0.4, capture=fine)
-    task, _ = task_of(campaign, SPACE)
+    task, _ = task_of(campaign, own_space())
     theta = vector_of(model)
     tolerance = 0.1 if kind.is_replayed else 0.03  # A path has kinks.
-    for direction in slopes(SPACE, SPACE.slots_of(kind.kind)):
+    for direction in slopes(own_space(), own_space().slots_of(kind.kind)):
         assert column_error(task.records[0], theta, direction) < tolerance
 
 
@@ -263,7 +270,7 @@ def test_the_library_keeps_its_layout():
     corrected = {"angle_sign": KINDS["angle_sign"]}  # Before a log is replayed.
     assert LIBRARY_SPACE.kinds | corrected == KINDS | of_logs
     shared = LIBRARY_SPACE.names[: LIBRARY_SPACE.num_flown]
-    assert SPACE.names[: len(shared)] == shared
+    assert own_space().names[: len(shared)] == shared
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def run(script: str, folder: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.docs
 @pytest.mark.parametrize("script", SCRIPTS, ids=range(len(SCRIPTS)))
 def test_a_script_of_the_page_runs_and_says_what_it_should(script, tmp_path):
     [expected] = [words for part, words in SAYS.items() if part in script]
@@ -50,7 +50,7 @@ def test_all_scripts_are_known():
     assert len(SCRIPTS) == len(SAYS)
 
 
-@pytest.mark.slow
+@pytest.mark.docs
 def test_a_broken_script_is_noticed(tmp_path):
     [script] = [script for script in SCRIPTS if "my_glider.yaml" in script]
     with pytest.raises(AssertionError, match="pitch_inertia"):

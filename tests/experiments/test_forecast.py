@@ -236,6 +236,7 @@ def _bounds(late):
     return task.space.lower[slots] - own, task.space.upper[slots] - own
 
 
+@pytest.mark.nightly
 def test_gliders_that_are_flown_bear_out_what_is_linear(late):
     forecast = forecast_of(late)
     throws = [flown_throw(r) for r in late[1].records] * 3

@@ -13,7 +13,7 @@ from tests.helpers.tasks import begin, fly, task_of
 
 def search_among(effect: Effect, *offered: str) -> tuple[Search, FitResult]:
     """Returns a search among some kinds in flights of an effect, and the plate."""
-    task, noise = task_of(fly(effect, flights=8))
+    task, noise = task_of(fly(effect, flights=5))
     task = dataclasses.replace(task, kinds=offered)
     return Search(task, lambda text: None), begin(task, noise)
 

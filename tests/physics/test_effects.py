@@ -194,6 +194,7 @@ def test_autodiff_complex_step_and_differences_agree(kind):
     check_gradients([at_work(kind)])
 
 
+@pytest.mark.nightly
 def test_the_compiled_chain_agrees_with_all_effects_and_free_functions():
     """One kernel for the whole library: compiling one each would take minutes."""
     check_gradients([at_work(kind) for kind in LIBRARY], FREE)

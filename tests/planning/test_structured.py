@@ -238,6 +238,7 @@ def test_only_the_dynamics_are_compiled_for_other_effects():
     assert [len(f.signatures) for f in own] == before
 
 
+@pytest.mark.nightly
 def test_slow_launches_cannot_perch_and_plan_agrees():
     launches = [[*PROBLEM.launch[:4], v, 0.0, 0.0] for v in (4.5, 5.0, 5.5, 6.5, 7, 8)]
     found = [can_perch(MODEL, PROBLEM, launch) for launch in launches]

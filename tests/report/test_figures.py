@@ -128,6 +128,7 @@ def test_what_is_unidentified_is_drawn():
     assert line.y[peak] == pytest.approx(1.0, rel=0.1)
 
 
+@pytest.mark.nightly
 def test_a_page_of_five_hundred_flights_stays_below_five_megabytes():
     time = np.linspace(0.0, 2.0, 480)
     rng = np.random.default_rng(0)

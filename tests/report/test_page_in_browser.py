@@ -8,7 +8,6 @@ from glider.report.folder import to_html
 from tests.helpers.browser import open_browser, visit, why_not
 from tests.report.results import VARIANTS, make_flight, make_result
 
-pytest.importorskip("playwright.sync_api", reason="no Playwright to work a page with")
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.skipif(why_not() is not None, reason=str(why_not())),

@@ -8,7 +8,7 @@ import pytest
 from glider.sysid.pipeline import close_the_loop
 from tests.helpers.campaigns import campaign_path, first_flights
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 @functools.cache
@@ -18,7 +18,7 @@ def closed(name):
 
 
 FEW = {"new_trims": 14, "moving_air": 10}
-"""How many flights do in make test."""
+"""How many flights suffice."""
 
 
 NAMED = {
@@ -50,13 +50,7 @@ DIFFERS = {
 """The flight-to-flight variation, its coefficient and standard deviation."""
 
 
-def campaigns(names):
-    """Returns parameters of a test; make test has one of them."""
-    first, others = "new_trims", pytest.mark.nightly
-    return [pytest.param(n, marks=() if n == first else others) for n in names]
-
-
-@pytest.mark.parametrize("name", campaigns(NAMED))
+@pytest.mark.parametrize("name", NAMED)
 def test_all_that_is_wrong_is_named_and_nothing_else(name):
     result = closed(name)
     assert result.verdict == "effect_found"
@@ -68,7 +62,7 @@ def test_all_that_is_wrong_is_named_and_nothing_else(name):
             assert effect.evidence > 10.0
 
 
-@pytest.mark.parametrize("name", campaigns(NAMED))
+@pytest.mark.parametrize("name", NAMED)
 def test_coefficients_are_within_their_standard_errors(name):
     found = {effect.kind: effect.coefficients for effect in closed(name).effects}
     for kind, truths in NAMED[name].items():
@@ -81,7 +75,7 @@ def test_coefficients_are_within_their_standard_errors(name):
             assert estimate.std < 0.2 * max(abs(truth), 0.05)
 
 
-@pytest.mark.parametrize("name", campaigns(NAMED))
+@pytest.mark.parametrize("name", NAMED)
 def test_unseen_flights_get_better(name):
     result = closed(name)
     before = result.errors["nominal"]
@@ -91,7 +85,7 @@ def test_unseen_flights_get_better(name):
     assert after.rollout_measured_pitch.position_rms_m < 0.5 * along
 
 
-@pytest.mark.parametrize("name", campaigns(DIFFERS))
+@pytest.mark.parametrize("name", DIFFERS)
 def test_what_differs_from_flight_to_flight_is_told(name):
     kind, coefficient, truth = DIFFERS[name]
     result = closed(name)
@@ -113,8 +107,7 @@ def test_moving_air_is_no_effect():
 
 
 @pytest.mark.parametrize(
-    ("name", "truth"),
-    [("moving_air", 0.18), pytest.param("gusty_drag", 0.15, marks=pytest.mark.nightly)],
+    ("name", "truth"), [("moving_air", 0.18), ("gusty_drag", 0.15)]
 )
 def test_the_air_moves_as_it_did(name, truth):
     air = closed(name).air

@@ -91,13 +91,11 @@ def test_the_model_file_holds_the_effect(few):
     assert few.model.free_functions == ()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "kind", "truths"),
     [
-        pytest.param(
-            *("head_wind", "wind", {"x": -0.6, "z": 0.1}), marks=pytest.mark.nightly
-        ),
+        ("head_wind", "wind", {"x": -0.6, "z": 0.1}),
         ("slow_servo", "servo_lag", {"time_constant": 0.04}),
     ],
 )
@@ -111,7 +109,7 @@ def test_practice_effects_are_named(name, kind, truths):
     assert errors_fall(result)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_nothing_is_found_in_still_air():
     result = close_the_loop(campaign_path("still_air"), flights=first_flights(6))
     assert result.verdict == "no_effect"
@@ -122,7 +120,7 @@ def test_nothing_is_found_in_still_air():
     assert corrected.position_rms_m < 1.2 * nominal.position_rms_m
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_the_library_lacks_is_unexplained_and_carried():
     result = close_the_loop(campaign_path("floor_vent"), flights=first_flights(12))
     assert result.verdict == "unexplained"
@@ -137,7 +135,7 @@ def test_what_the_library_lacks_is_unexplained_and_carried():
     assert errors_fall(result)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_wrong_signs_are_found():
     """More of them: tests/sysid/search/test_signs.py."""
     signs = {"pitch": -1.0, "elevator": -1.0, "command": 1.0}
@@ -188,6 +186,7 @@ def test_a_held_out_flight_without_elevator_at_first_changes_no_error_to_nan(dra
         assert np.isfinite(np.concatenate(groups)).all(), model
 
 
+@pytest.mark.nightly
 def test_a_held_out_flight_that_stands_out_is_excluded(dragged):
     """It is no part of the errors, and no search is repeated for it."""
     campaign, one = dragged

@@ -8,12 +8,12 @@ from glider.sysid.pipeline import close_the_loop
 from glider.sysid.search.moves import Search
 from tests.helpers.tasks import fly, task_of, typical
 
-SEARCHED = ("command_delay", "marker_offset", "elevator_blowback", "added_mass")
-"""One of each stage: actuator, sensor, force, inertia."""
+SEARCHED = ("command_delay", "marker_offset", "added_mass")
+"""One of each stage: actuator, sensor, inertia; of forces: search/test_moves.py."""
 
 MORE = (
     *("pose_latency", "pitch_rate_lift", "axial_drag", "stalled_downwash"),
-    "wind_shear",
+    *("elevator_blowback", "wind_shear"),
 )
 WHOLE = ("tail_wake", "inertia")  # Which added_mass holds too.
 """More kinds: lifelike campaigns; and pairs: bench_tracing."""
@@ -34,10 +34,8 @@ def test_the_search_finds_planted_effects(kind):
         assert found == pytest.approx(truth, rel=0.15), name
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind", [WHOLE[0], pytest.param(WHOLE[1], marks=pytest.mark.nightly)]
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("kind", WHOLE)
 def test_the_whole_pipeline_names_planted_effects(kind):
     effect = typical(kind)
     result = close_the_loop(fly(effect, flights=5))

@@ -274,7 +274,13 @@ def autodiff_rates(model, fast, seeds, with_theta, wind=True):
 
 @pytest.mark.parametrize("wind", [True, False], ids=["wind", "still"])
 @pytest.mark.parametrize("with_theta", [True, False], ids=["parameters", "state"])
-@pytest.mark.parametrize("model", [GliderModel(), ALL_AT_WORK], ids=["nominal", "all"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        pytest.param(GliderModel(), id="nominal"),
+        pytest.param(ALL_AT_WORK, id="all", marks=pytest.mark.nightly),
+    ],
+)
 def test_the_fast_way_equals_the_plain_one(model, with_theta, wind):
     fast = autodiff_rates(model, True, True, with_theta, wind)
     plain = autodiff_rates(model, False, True, with_theta, wind)

@@ -60,6 +60,7 @@ def test_no_command_of_this_size_brings_v_down_faster(funnel, nominal):
     np.testing.assert_allclose(slow / slow[ELEVATOR], gains / gains[ELEVATOR])
 
 
+@pytest.mark.nightly
 def test_a_launch_may_err_by_more_with_it(nominal):
     settings = FunnelSettings(step=0.011, hold=0.088, elevator_gain=40.0)
     task = FunnelTask(nominal, settings, sphere_points(1, 7))

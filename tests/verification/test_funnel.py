@@ -94,6 +94,7 @@ def short(article_plan):
     return make_funnel(GliderModel(), policy, settings, hook_of=PerchingProblem())
 
 
+@pytest.mark.nightly
 def test_a_funnel_is_made_for_the_hook(short):
     assert hook_faults(short, PerchingProblem()) == []
     assert short.settings.goal[3] == FunnelSettings().goal[3]

@@ -112,6 +112,7 @@ def test_a_set_costs_little(made, policy):
     assert 0.9 < volume < 1.05
 
 
+@pytest.mark.nightly
 def test_a_funnel_is_made_for_all_gliders_of_a_set(made):
     verdict = check_funnel(made, every=4)
     assert verdict.holds, verdict.faults

@@ -88,6 +88,7 @@ def test_centers_of_held_commands_are_where_the_gliders_fly(clocked_set):
     np.testing.assert_allclose(found, center.shifts[20:30:3] @ delta)
 
 
+@pytest.mark.nightly
 def test_held_flights_of_a_set_are_within_the_proven_error(clocked_set):
     """From the boundaries about their centers, in steady wind, with errors."""
     nominal, center, count = clocked_set.nominal, clocked_set.gliders, 100
@@ -118,6 +119,7 @@ def test_held_commands_of_a_set_are_proven(clocked_set):
     assert held_faults(part(clocked_set, 2)) == []
 
 
+@pytest.mark.nightly
 def test_what_the_centers_lack_to_be_flights_counts(clocked_set):
     """Here their elevator does not follow their command."""
     piece = among(part(clocked_set, 4), allowed_by(100.0))
@@ -156,6 +158,7 @@ def test_the_reach_of_centers_to_the_stops_has_the_held_command(clocked_set):
     np.testing.assert_array_equal(*piece.gliders.commands)
 
 
+@pytest.mark.nightly
 def test_a_set_is_flown_by_the_clock_about_its_centers(clocked):
     funnel = among(clocked, allowed_by(10.0))
     nominal, center = funnel.nominal, funnel.gliders

@@ -151,6 +151,7 @@ def test_centers_reach_and_lack_no_more_than_their_bounds(funnel):
     assert bounds[3] > 0.0 and not bounds[4:].any()
 
 
+@pytest.mark.nightly
 def test_an_interval_is_proven_of_a_set_and_not_of_a_wider_one(funnel):
     own = prove_interval(of_set(funnel))
     assert own.proven

@@ -36,6 +36,11 @@ from tests.helpers.physics import PARAMETERS
 from tests.helpers.second_flight import advance, rates_of
 from tests.verification.points import of_one
 
+
+def nightly(hold):
+    return pytest.param(hold, marks=pytest.mark.nightly)
+
+
 LATENCY = 0.01
 HELD = models_path("funnels", "held_head_wind_95_hook.npz")
 
@@ -105,7 +110,7 @@ def states_in(part, count, rng):
     return part.nominal.states[0] + directions @ to_ball(part.S[0])[1].T
 
 
-@pytest.mark.parametrize("hold", [1, 20, 40])
+@pytest.mark.parametrize("hold", [nightly(1), 20, nightly(40)])
 def test_slopes_in_the_sets_are_within_their_bounds(held, slopes, hold):
     """Also where the tail is at rest in some states, at the end of the flight."""
     part = predictions_of(held, LATENCY)[hold].window
@@ -151,7 +156,7 @@ def flown_apart(model, states, command, latency, wind, error, theta=None):
     return ends[1] - ends[0]
 
 
-@pytest.mark.parametrize("hold", [2, 10, 19])
+@pytest.mark.parametrize("hold", [nightly(2), 10, nightly(19)])
 def test_no_flight_is_farther_from_its_prediction(held, slopes, hold):
     """In winds and with errors that change at any time."""
     own = predictions_of(held, LATENCY)[hold]
@@ -333,6 +338,7 @@ def test_a_latency_is_proven_of_what_is_proven_as_a_whole(
     assert json.loads(capsys.readouterr().out)["latency"]["holds"] == (code == 0)
 
 
+@pytest.mark.nightly
 def test_lines_of_a_covector_end_where_the_nominal_takes_it(held, slopes, monkeypatch):
     """With λ of constant slopes instead, more of Jᵀ λ - dλ/dσ is left."""
     own = predictions_of(held, LATENCY)[10]

@@ -56,6 +56,7 @@ def test_slopes_of_all_gliders_are_within_their_bounds(rest):
     assert np.all(np.abs(J[:, :7]).max(axis=2) <= bounds[:, :7] + 1e-8)
 
 
+@pytest.mark.nightly
 def test_no_glider_is_farther_from_the_prediction(rest):
     """From about its own center, in winds and with errors that change at any time."""
     own = predictions_of(rest, LATENCY)[10]
@@ -84,6 +85,7 @@ def test_no_glider_is_farther_from_the_prediction(rest):
     assert 0.5 * share * bounds[0] < np.abs(apart).max() <= bounds @ [1.0, 0.05]
 
 
+@pytest.mark.nightly
 def test_bounds_are_of_all_numbers_and_centers(rest):
     """A bound a tenth above what is sampled fails where they deviate by more."""
     part, near = predictions_of(rest, LATENCY)[10].window.between(0, 1), np.zeros(7)
@@ -102,6 +104,7 @@ def test_bounds_are_of_all_numbers_and_centers(rest):
         assert np.all(np.isinf(found))
 
 
+@pytest.mark.nightly
 def test_gliders_of_another_set_prove_nothing(rest):
     some = predictions_of(rest, LATENCY)[10:11]
     assert prove_latency(some, workers=1).error_left > -np.inf

@@ -43,7 +43,7 @@ STRONG = [
 ]
 
 
-def fly(effects, seed=1, flights=8):
+def fly(effects, seed=1, flights=5):
     model = GliderModel(effects=effects)
     rng = np.random.default_rng(seed)
     return CampaignPlan(flights=flights).simulate(model, rng)
@@ -56,6 +56,7 @@ def test_a_strong_effect_passes(kind, values):
     assert found.warnings == ()
 
 
+@pytest.mark.nightly
 def test_clean_noise_costs_less_than_a_row_in_ten_thousand():
     """The threshold of six deviations: 1e-8 of rows; here none of 20,000."""
     campaign = fly((), flights=6)

@@ -102,10 +102,9 @@ def test_an_import_restores_them_before_flights_are_cut(tmp_path, rate):
     table = "time,x,z,pitch,elevator,elevator_rate_command"
     for flight in campaign.flights:
         time = np.sort(flight.time + rng.normal(0.0, 3e-3, flight.time.size))
-        rows = [time, flight.pose, flight.elevator, flight.command]
+        columns = time, flight.pose, flight.elevator, flight.command
         file = tmp_path / flight.name.replace("flight", "log")
-        data = np.column_stack(rows)
-        np.savetxt(file, data, delimiter=",", header=table, comments="")
+        foreign.write_table(file, table, *columns)
     names = ", ".join(f"{name}: {name}" for name in table.split(","))
     own = tmp_path / "MAP.yaml"
     own.write_text(f"columns: {{{names}}}\n{foreign.VEHICLE}{rate}")

@@ -27,6 +27,15 @@ def flights(name: str = "still_air", count: int = FLIGHTS) -> Campaign:
     return dataclasses.replace(campaign, flights=campaign.flights[:count])
 
 
+def write_table(
+    path: Path, names: str, *columns: np.ndarray, digits: str = "%.9g"
+) -> Path:
+    """Writes a CSV file of columns below their names, as any program would."""
+    table = np.column_stack(columns)
+    np.savetxt(path, table, digits, ",", header=names, comments="")
+    return path
+
+
 def position(flight: Flight) -> np.ndarray:
     """Positions (n, 3), x forward, y left, z up."""
     x, z, _ = flight.pose.T
@@ -128,8 +137,7 @@ def write_motive(folder: Path, campaign: Campaign) -> list[Path]:
         times = np.concatenate([time[0] - rest[::-1], time, time[-1] + rest])
         angle = np.pad(flight.elevator, 120, mode="edge")
         rate = np.pad(flight.command, 120)
-        table = np.column_stack([times + AHEAD, angle, rate])
-        np.savetxt(servo, table, "%.9g", ",", header="t,angle,rate", comments="")
+        write_table(servo, "t,angle,rate", times + AHEAD, angle, rate)
         files += [path, servo]
     return files
 
@@ -374,8 +382,7 @@ def write_qtm(folder: Path, campaign: Campaign) -> list[Path]:
         path, servo = folder / f"take{k}_6d.tsv", folder / f"take{k}_servo.csv"
         path.write_text(qtm_text(flight), newline="")
         time = flight.time - flight.time[0]
-        table = np.column_stack([time, flight.elevator, flight.command])
-        np.savetxt(servo, table, "%.9g", ",", header="t,angle,rate", comments="")
+        write_table(servo, "t,angle,rate", time, flight.elevator, flight.command)
         files += [path, servo]
     return files
 

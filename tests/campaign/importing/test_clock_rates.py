@@ -24,9 +24,7 @@ def session(folder, rate, count):
         servo.append(np.column_stack([own, flight.elevator, flight.command]))
     names = {"s_poses.csv": "t,x,z,pitch", "s_servo.csv": "ts,angle,rate"}
     for (name, header), rows in zip(names.items(), (poses, servo), strict=True):
-        data = np.concatenate(rows)
-        file = folder / name
-        np.savetxt(file, data, "%.9g", ",", header=header, comments="")
+        foreign.write_table(folder / name, header, np.concatenate(rows))
     own = folder / "MAP.yaml"
     own.write_text(
         "join: ['*_poses.csv', '*_servo.csv']\n"
@@ -36,7 +34,10 @@ def session(folder, rate, count):
     return import_campaign([folder / name for name in names], own, folder / "throws")
 
 
-@pytest.mark.parametrize("rate", [7e-4, -1.85e-3])
+NIGHTLY = pytest.mark.nightly
+
+
+@pytest.mark.parametrize("rate", [pytest.param(7e-4, marks=NIGHTLY), -1.85e-3])
 def test_the_rate_of_a_clock_is_taken_out(tmp_path, rate):
     result = session(tmp_path, rate, 12)
     (warning,) = result.warnings
@@ -54,6 +55,6 @@ def test_the_rate_of_a_clock_is_taken_out(tmp_path, rate):
         assert errors[0] == min(errors)
 
 
-@pytest.mark.parametrize("count", [3, 12])
+@pytest.mark.parametrize("count", [3, pytest.param(12, marks=NIGHTLY)])
 def test_a_clock_that_keeps_step_has_an_offset_alone(tmp_path, count):
     assert " gains " not in session(tmp_path, 0.0, count).describe()

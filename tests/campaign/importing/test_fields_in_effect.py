@@ -24,8 +24,7 @@ def write_angles(folder, campaign, sign):
         small = 0.01 * np.sin(np.arange(len(x)))
         columns = (flight.time, x, small, z, small, sign * pitch, -small)
         path = folder / f"take_{k}.csv"
-        header = "time,x,y,z,roll,pitch,yaw"
-        np.savetxt(path, np.stack(columns, 1), "%.9g", ",", header=header, comments="")
+        foreign.write_table(path, "time,x,y,z,roll,pitch,yaw", *columns)
         files.append(path)
     return files
 
@@ -75,8 +74,7 @@ def test_the_sense_of_a_pitch_in_ned_axes(tmp_path, campaign):
     for file in files:
         table = np.loadtxt(file, delimiter=",", skiprows=1)
         table[:, [2, 3, 6]] *= -1.0
-        header = "time,x,y,z,roll,pitch,yaw"
-        np.savetxt(file, table, "%.9g", ",", header=header, comments="")
+        foreign.write_table(file, "time,x,y,z,roll,pitch,yaw", table)
     for frame in ({"axes": "NED"}, {"axes": "NED", "pitch": "nose_up"}):
         path = mapping_of(tmp_path, frame | {"forward": "x"})
         [flight, *_] = read_flights(files, path).campaign.flights
@@ -124,13 +122,10 @@ def test_the_order_of_listed_quaternions(tmp_path, campaign):
     """By their names, or by 'rotation'; both must agree."""
     files = []
     for k, flight in enumerate(campaign.flights):
-        table = np.column_stack(
-            [flight.time, foreign.position(flight), foreign.rotation(flight).as_quat()]
-        )
-        files.append(tmp_path / f"take_{k}.csv")
-        header = "time,x,y,z,qx,qy,qz,qw,a,b,c,d"
-        table = np.column_stack([table, table[:, [7, 4, 5, 6]]])
-        np.savetxt(files[k], table, "%.9g", ",", header=header, comments="")
+        turn = foreign.rotation(flight).as_quat()
+        columns = flight.time, foreign.position(flight), turn, turn[:, [3, 0, 1, 2]]
+        names = "time,x,y,z,qx,qy,qz,qw,a,b,c,d"
+        files.append(foreign.write_table(tmp_path / f"take_{k}.csv", names, *columns))
 
     def read(names, rotation=None):
         frame = {"forward": "x"} | ({"rotation": rotation} if rotation else {})

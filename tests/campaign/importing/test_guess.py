@@ -49,13 +49,10 @@ def assert_guessed(files, campaign, tmp_path, sure=True, **columns):
 
 def write_tables(folder, campaign, head, columns_of):
     """CSV files of columns made of each flight."""
-    files = []
-    for flight in campaign.flights:
-        path = folder / flight.name
-        table = np.column_stack(columns_of(flight))
-        np.savetxt(path, table, "%.9f", ",", header=head, comments="")
-        files.append(path)
-    return files
+    return [
+        foreign.write_table(folder / f.name, head, *columns_of(f), digits="%.9f")
+        for f in campaign.flights
+    ]
 
 
 def test_a_guess_is_right_or_asks():
@@ -175,6 +172,7 @@ def test_rates_by_their_suffix_and_an_elevator_that_begins_like_a_position(
     assert_guessed(files, campaign, tmp_path, **names)
 
 
+@pytest.mark.nightly
 def test_a_slide_on_the_floor_decides_nothing():
     """Its rows fit no flight in the right frame; those of the flight itself do."""
     flight = bench_guess_foreign.run_one(1, 9)

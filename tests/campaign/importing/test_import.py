@@ -138,7 +138,7 @@ def files_are_read_once(monkeypatch):
 
 
 @pytest.mark.usefixtures("files_are_read_once")
-@few_formats("motive", "csv")
+@few_formats("csv")
 def test_a_wrong_map_is_refused_or_makes_no_difference(lab, tmp_path):
     """All errors of a sign or an axis, one at a time: none gets as far as a tracer."""
     _, files, path = lab
@@ -160,7 +160,7 @@ def test_a_wrong_map_is_refused_or_makes_no_difference(lab, tmp_path):
     assert tried > 10
 
 
-@few_formats("motive", "ulog", "c3d")
+@few_formats("motive", "c3d")
 def test_a_guess_is_the_right_map(lab, campaign, tmp_path):
     name, files, _ = lab
     if name in ("c3d", "trc", "dataflash"):  # Markers have no attitude by name.
@@ -298,9 +298,7 @@ def test_a_recording_is_cut_from_release_to_contact(tmp_path, campaign):
         time, rows, begin = recorded(flight, rng)
         spans.append((begin, begin + flight.time[-1] - flight.time[0]))
         path = tmp_path / f"take_{k}.csv"
-        table = np.column_stack([time, rows])
-        np.savetxt(path, table, "%.7g", ",", header="time,x,z,pitch", comments="")
-        files.append(path)
+        files.append(foreign.write_table(path, "time,x,z,pitch", time, rows))
     settings = tmp_path / "MAP.yaml"
     settings.write_text(
         "columns: {x: x, z: z, pitch: pitch}\nvehicle: {elevator: fixed}\n"
@@ -418,6 +416,7 @@ def test_throws_that_fall_sideways_are_refused():
         check_signs(dataclasses.replace(thrown, flights=tuple(exchanged)))
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not FORMATS.is_dir(), reason="no files of other software are here")
 def test_a_real_ulog_that_shows_no_flight(tmp_path):
     path = tmp_path / "MAP.yaml"

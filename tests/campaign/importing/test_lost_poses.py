@@ -44,7 +44,7 @@ def write(folder, logs):
     """Writes logs and their MAP."""
     files = [folder / f"take{k}.csv" for k in range(len(logs))]
     for file, rows in zip(files, logs, strict=True):
-        np.savetxt(file, rows, "%.9g", ",", header=NAMES, comments="")
+        foreign.write_table(file, NAMES, rows)
     path = folder / "MAP.yaml"
     path.write_text(MAP + foreign.VEHICLE)
     return files, path

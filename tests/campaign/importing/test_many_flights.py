@@ -291,8 +291,7 @@ def test_a_guess_from_a_table_of_flights(tmp_path, campaign):
         for f in campaign.flights
     ]
     path, mapping = tmp_path / "throws.csv", tmp_path / "MAP.yaml"
-    table = np.concatenate(tables)
-    np.savetxt(path, table, "%.9g", ",", header=names, comments="")
+    foreign.write_table(path, names, np.concatenate(tables))
     mapping.write_text(guess_mapping([path]).text)
     result = read_flights([path], mapping).campaign
     assert len(result.flights) == len(campaign.flights)
@@ -306,7 +305,7 @@ def test_an_order_of_angles_is_checked_on_each_flight_of_a_table(tmp_path, campa
         roll_pitch_yaw = foreign.rotation(flight).as_euler("ZYX")[:, ::-1]
         place = foreign.position(flight)
         tables.append(np.column_stack([flight.time, place, roll_pitch_yaw]))
-    np.savetxt(tmp_path / "a.csv", np.concatenate(tables), "%.9g", ",", header=names)
+    foreign.write_table(tmp_path / "a.csv", names, np.concatenate(tables))
     mapping.write_text(
         "columns: {position: p, roll: roll, pitch: pitch, yaw: yaw}\n"
         "frame: {rotation: ZYX}\nvehicle: {elevator: fixed}\n"

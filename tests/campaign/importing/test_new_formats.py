@@ -325,10 +325,9 @@ def test_a_rotation_matrix_row_by_row(tmp_path, campaign, named):
         turns[30] = 0.0
         place = foreign.position(flight)
         if named:
-            files.append(tmp_path / f"log{k}.csv")
-            table = np.column_stack([flight.time, place, turns.reshape(-1, 9)])
-            head = ",".join(["t", "x", "y", "z", *entries])
-            np.savetxt(files[-1], table, "%.9f", ",", header=head, comments="")
+            path, names = tmp_path / f"log{k}.csv", ",".join(["t,x,y,z", *entries])
+            columns = flight.time, place, turns.reshape(-1, 9)
+            files.append(foreign.write_table(path, names, *columns))
         else:
             files.append(tmp_path / f"log{k}.mat")
             content = {"t": flight.time, "p": place, "R": np.moveaxis(turns, 0, 2)}

@@ -52,6 +52,7 @@ def test_funnel_figure_and_page_are_written_and_the_proof_is_named(
     assert args.command_error is None  # What the predictor leaves is for the proof.
 
 
+@pytest.mark.nightly
 def test_the_set_is_that_of_the_models_covariance(asked, tmp_path):
     out = str(tmp_path / "funnel.npz")
     main(["make-funnel", IDENTIFIED, "--out", out])
@@ -63,6 +64,7 @@ def test_the_set_is_that_of_the_models_covariance(asked, tmp_path):
     assert asked["confidence"] is None
 
 
+@pytest.mark.nightly
 def test_the_plan_of_a_hook_ends_in_the_middle_of_its_pitches(asked, tmp_path):
     main(["make-funnel", VEHICLE, "--hook", "--out", str(tmp_path / "funnel.npz")])
     problem = asked["hook_of"]
@@ -70,6 +72,7 @@ def test_the_plan_of_a_hook_ends_in_the_middle_of_its_pitches(asked, tmp_path):
     assert sum(problem.final_pitch_limits) == pytest.approx(low + high)
 
 
+@pytest.mark.nightly
 def test_a_held_command_undoes_half_of_a_deviation(asked, tmp_path):
     out = str(tmp_path / "funnel.npz")
     main(["make-funnel", VEHICLE, "--out", out, "--hold", "0.025"])

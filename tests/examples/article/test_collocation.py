@@ -46,7 +46,7 @@ def test_the_feedback_is_that_of_the_library():
         )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_flights_with_feedback_perch():
     found = tracking_lqr.main([])
     guided, blind = found["Launches that perch with feedback, and without"].split(

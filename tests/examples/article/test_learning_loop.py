@@ -106,7 +106,7 @@ def test_the_truth_has_what_the_planner_cannot_learn():
     assert PLATE.parameters == TRUTH.parameters
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_terminal_cost_and_the_change_of_the_weights_fall():
     rng = np.random.default_rng(0)
     rounds = learn(true_residual(), 6, rng, say=lambda text: None)

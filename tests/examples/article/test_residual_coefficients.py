@@ -93,7 +93,7 @@ def test_a_residual_that_was_flown_is_found_again(monkeypatch):
     assert np.all(error[:2] < 0.2 * lacking[:2])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_residual_is_worth_something_in_held_out_flights():
     found = residual_coefficients.main([])
     told = found["Held-out flights, position, the same (RMS)"]

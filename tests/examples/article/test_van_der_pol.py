@@ -96,7 +96,7 @@ def test_rounds_of_degree_four_enlarge_the_region(ellipse):
     assert not is_proved(dataclasses.replace(two, positive=[-G for G in two.positive]))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_many_rounds_prove_nearly_all():
     shares = list(van_der_pol.main([]).values())
     assert shares == ["2.3045", "47.2%", "85.3%", "99.5%"]

@@ -103,6 +103,7 @@ def test_costs_of_unseen_flights_are_by_their_predictive_distribution():
     assert costs[5] == pytest.approx(expected, abs=1e-3)
 
 
+@pytest.mark.nightly
 def test_what_the_plates_own_numbers_do_holds_against_the_nominal_glider_alone():
     campaign = fly(KINDS["mass"](change=0.1), flights=7)
     task, noise = task_of(campaign)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.bench_forms import draw
+from benchmarks.other_forms import FORMS
 from glider.campaign.turning import Signs
 from glider.physics.effects import FLOW_VARIABLES, KINDS, NO_GAUSSIANS
 from glider.physics.effects.families import FAMILIES
@@ -28,7 +29,6 @@ from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.model_fit import fit_model, with_functions
 from glider.sysid.outcome import model_of
 from glider.sysid.search.moves import Search
-from tests.helpers.other_forms import FORMS
 from tests.helpers.tasks import begin, fly, task_of
 
 VENT = FreeFunction(
@@ -124,6 +124,7 @@ def test_the_function_is_the_vent(vent):
     assert blown.max() == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.nightly
 def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
     """Not a drag, nor moving air: it does not depend on the airspeed."""
     search, plate = searched(TOW, kinds=("thrust", "profile_drag", "mass", "wind"))
@@ -139,6 +140,7 @@ def test_a_tow_after_the_release_is_a_force_along_the_body_that_ends():
     assert pushed == pytest.approx(true, abs=0.3)
 
 
+@pytest.mark.nightly
 def test_air_that_a_stalled_wing_no_longer_carries_is_an_added_mass_over_alpha():
     """Neither drags nor a moment by the pitch rate, which stood in for it."""
     search, plate = searched(SHED, kinds=("added_mass", "inertia", "induced_drag"))

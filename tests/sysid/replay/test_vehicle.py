@@ -62,12 +62,8 @@ def test_no_servo_no_servo_effects(campaign):
     assert vehicle.per_flight_trims
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "missing",
-    [pytest.param(("mass", "pitch_inertia"), marks=NIGHTLY), UNKNOWN],
-    ids=str,
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("missing", [("mass", "pitch_inertia"), UNKNOWN], ids=str)
 def test_drag_is_found_whatever_is_known(campaign, missing):
     result = close_the_loop(without(campaign, *missing))
     assert [e.kind for e in result.effects] == ["profile_drag"]
@@ -120,12 +116,14 @@ def test_gaps_and_irregular_times_are_handled(campaign):
     assert found.value == pytest.approx(0.06, rel=0.15)
 
 
+@pytest.mark.nightly
 def test_three_flights_are_enough_for_a_strong_effect(campaign):
     few = dataclasses.replace(campaign, flights=campaign.flights[:3])
     result = close_the_loop(few)
     assert [e.kind for e in result.effects] == ["profile_drag"]
 
 
+@pytest.mark.nightly
 def test_a_log_may_begin_with_the_elevator_anywhere_and_hold_a_computed_one():
     """Cut off its start: the elevator is where it was then, here without noise."""
     plan = CampaignPlan(flights=6, capture=MotionCapture(elevator=0.0))

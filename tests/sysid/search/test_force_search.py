@@ -25,9 +25,7 @@ COMMON = tuple(kind.kind for kind in LIBRARY if kind.is_common)
 FEW = (*COMMON, "pitch_moment", "pitch_damping", "downwash", "frame_tilt")
 
 
-@pytest.fixture(
-    scope="module", params=["few", pytest.param("all", marks=pytest.mark.nightly)]
-)
+@pytest.fixture(scope="module", params=["few", "all"])
 def traced(throws, request):
     """Traced among few kinds, or all."""
     task, noise, truth = throws
@@ -37,7 +35,7 @@ def traced(throws, request):
     return task, trace(task, noise, lambda text: None), truth
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_every_throw_has_is_named(traced):
     _, found, truth = traced
     assert set(truth.named(found.model.kinds)) == {e.name for e in truth.effects}
@@ -46,7 +44,7 @@ def test_what_every_throw_has_is_named(traced):
     assert all(found.evidence[kind] > least for kind in found.model.kinds)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_moment_leaves_the_forces_and_the_flights_axes_alone(traced):
     task, found, _ = traced
     forces, model = found.forces, found.model

@@ -47,7 +47,7 @@ def test_what_is_not_needed_is_dropped():
 
 def test_a_stall_is_found_behind_three_that_imitate_it():
     imitate = ("pitch_rate_lift", "mass", "camber")
-    task, noise = task_of(fly(KINDS["attached_lift"](slope=2.0), flights=8))
+    task, noise = task_of(fly(KINDS["attached_lift"](slope=2.0), flights=5))
     task = dataclasses.replace(task, kinds=(*imitate, "attached_lift"))
     search = Search(task, lambda text: None)
     start = start_of(task, noise)
@@ -59,7 +59,7 @@ def test_a_stall_is_found_behind_three_that_imitate_it():
 
 def test_a_second_drag_is_found_behind_the_first():
     drags = KINDS["profile_drag"](cd0=0.05), KINDS["induced_drag"](k=0.04)
-    task, noise = task_of(fly(*drags, flights=8))
+    task, noise = task_of(fly(*drags, flights=5))
     task = dataclasses.replace(task, kinds=("profile_drag", "induced_drag", "mass"))
     search = Search(task, lambda text: None)
     start = start_of(task, noise)

@@ -471,6 +471,7 @@ def listeners():
     return found
 
 
+@pytest.mark.nightly
 def test_replays_leave_no_server_behind(client):
     client.cookies.update(COOKIE)
     before = listeners()

@@ -184,7 +184,7 @@ def test_the_servo_is_neutral_when_its_driver_is_ended_or_killed_by_an_operator(
         assert angles_of(read_terminal(ours))[-1] == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_serial_line_that_takes_nothing_for_a_while_ends_no_driver():
     address, (ours, name) = free_address(), pseudo_terminal()
     bus = Bus(address)

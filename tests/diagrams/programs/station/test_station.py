@@ -142,6 +142,7 @@ def test_a_slow_servo_under_feedback_is_no_wrong_clock(tmp_path):
     assert abs(gain - 1.0) < 0.03 < 3.0 * error
 
 
+@pytest.mark.nightly
 def test_throws_of_one_plan_show_no_turned_frame(tmp_path):
     """A feedback holds them to one path: forces may explain it with any gravity."""
     lab = Lockstep(tmp_path / "s", Simulation(truth="attached_flow"))

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks.hooked_flight import Hook, hook
 from glider.physics.aerodynamics import elevator_velocity, plate_force, turned
-from tests.helpers.hooked_flight import Hook, hook
 from tests.helpers.lifelike_flight import Servo
 
 

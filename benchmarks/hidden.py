@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from benchmarks.one_effect import ONE_SIGN, plant
 from glider.campaign.logs import Campaign, Flight, campaign_of
 from glider.control.tvlqr import sample_plan
 from glider.experiments.explanations import Explanation, Findings, explain
@@ -32,7 +33,6 @@ from tests.helpers.lifelike import (
     log_flights,
 )
 from tests.helpers.lifelike_flight import STEP, Glider, elevator_paths, fly, gusts
-from tests.helpers.one_effect import ONE_SIGN, plant
 
 RIVALS = {
     "late": ("servo_lag", "command_delay"),
