@@ -52,6 +52,7 @@ def add_arguments(parser: CommandParser) -> None:
         ("--chord", "reference length of derivatives [m]"),
     ):
         parser.add_argument(option, metavar="X", type=float, help=words)
+    parser.add_cluster()
     parser.add_json("report.json instead of the summary")
 
 
@@ -62,16 +63,18 @@ def run(args: argparse.Namespace) -> int:
         expect(value is None or value > 0.0, name, value, "a positive number")
     folder = output_folder(args.out, args.campaign)
     with working() as progress:
+        from glider.compiled.parallel import workers_of
         from glider.sysid.pipeline import close_the_loop
 
-        result = close_the_loop(
-            args.campaign,
-            flights=args.flights,
-            held_out=args.held_out,
-            seed=args.seed,
-            effects=args.effects,
-            progress=progress,
-        )
+        with workers_of(args.cluster):
+            result = close_the_loop(
+                args.campaign,
+                flights=args.flights,
+                held_out=args.held_out,
+                seed=args.seed,
+                effects=args.effects,
+                progress=progress,
+            )
     # Matplotlib takes half a second to import: not before the input is read.
     from glider.files.schema import json_text
     from glider.report.folder import write_report
