@@ -6,7 +6,7 @@ costs next to nothing, and pydrake and numba load when something needs them.
 
 from typing import TYPE_CHECKING
 
-from glider.lazy import attach
+from glider.lazy import attach, warn_if_foreign
 
 if TYPE_CHECKING:
     import glider.funnels as funnels
@@ -43,3 +43,5 @@ if TYPE_CHECKING:
     from glider.systems.regulator import tracking_regulator
 else:
     __getattr__, __dir__, __all__ = attach(__name__, __file__)
+
+warn_if_foreign("diagrams", "loops")  # PyPI has another package of that name.
