@@ -18,8 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagrams.programs import program
-from glider import GliderModel, PerchingProblem, can_perch
-from glider.compiled.parallel import workers_of
+from glider import GliderModel, PerchingProblem, can_perch, workers_of
 
 AXES = {
     "height [m]": (1, -0.8, 0.8),

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from glider.campaign.importing.campaign_import import import_campaign
     from glider.campaign.logs import Campaign
     from glider.campaign.reader import load_campaign
+    from glider.compiled.parallel import workers_of
     from glider.control.tvlqr import tracking_policy
     from glider.errors import InputError
     from glider.estimation.perching import perching_filter
