@@ -196,7 +196,7 @@ class BasisModel(NamedTuple):
 
 
 def plane_accelerations(states: np.ndarray, sign: int) -> list[np.ndarray]:
-    """Returns accelerations along and normal to the wing, without gravity, and in pitch.
+    """Returns accelerations along and normal to the wing and in pitch, less gravity.
 
     ẍ_p = ẍ cos θ + (z̈ + g) sin θ,  z̈_p = (z̈ + g) cos θ - ẍ sin θ,  θ̈: in these axes
     the forces do not move from one equation to the other as the glider turns.

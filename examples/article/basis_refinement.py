@@ -7,11 +7,11 @@ grow. What counts is
     J_sim(β) = Σ_k ‖x_sim,k(β) - x_data,k‖²_Q
 
 with Q = diag(1/SCALES²). The article names backpropagation through time and real-time
-recurrent learning. Here, as in the second, the sensitivities ∂x_k/∂β are carried forward
-with the states: they are the imaginary parts of complex steps, which are exact. Least
-squares in a trust region uses them, starting from the coefficients of lesson 1. Flight
-0 is in no fit. With the published signs its error grows: J_sim weighs pitch and rates
-too, which a model of the wrong form can only trade against the position.
+recurrent learning. Here, as in the second, the sensitivities ∂x_k/∂β are carried
+forward with the states: they are the imaginary parts of complex steps, which are exact.
+Least squares in a trust region uses them, starting from the coefficients of lesson 1.
+Flight 0 is in no fit. With the published signs its error grows: J_sim weighs pitch and
+rates too, which a model of the wrong form can only trade against the position.
 
     python examples/article/basis_refinement.py --figure basis_refinement.png
 """
