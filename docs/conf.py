@@ -21,7 +21,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "effect_catalogue",
-    "front_page",
+    "page_figures",
     "mathml",
     "plain_docstrings",
     "port_tables",

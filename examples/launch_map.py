@@ -6,6 +6,7 @@ own solver looks for a plan that keeps all limits. All processors work on it.
 
     python examples/launch_map.py --figure map.png
     python examples/launch_map.py --launches 500
+    python examples/launch_map.py --cluster tcp://host:8786
 """
 
 import sys
@@ -17,7 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagrams.programs import program
-from glider import GliderModel, PerchingProblem, can_perch
+from glider import GliderModel, PerchingProblem, can_perch, workers_of
 
 AXES = {
     "height [m]": (1, -0.8, 0.8),
@@ -32,6 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = program.make_parser(__doc__)
     program.add_launches(parser, 10_000)
     parser.add_path("--figure", "FILE", "the map")
+    parser.add_cluster()
     args = parser.parse_args(arguments)
     program.check_files(figure=args.figure)
 
@@ -46,7 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         begin = time.perf_counter()
         solve = joblib.delayed(can_perch)
         tasks = (solve(model, problem, launch) for launch in launches.tolist())
-        planned = np.array(joblib.Parallel(n_jobs=-1)(tasks))
+        with workers_of(args.cluster):
+            planned = np.array(joblib.Parallel(n_jobs=-1)(tasks))
         seconds = time.perf_counter() - begin
     print(
         f"{np.sum(planned):,} of {len(planned):,} launches have a plan to the wire "

@@ -6,7 +6,7 @@ costs next to nothing, and pydrake and numba load when something needs them.
 
 from typing import TYPE_CHECKING
 
-from glider.lazy import attach
+from glider.lazy import attach, warn_if_foreign
 
 if TYPE_CHECKING:
     import glider.funnels as funnels
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from glider.campaign.importing.campaign_import import import_campaign
     from glider.campaign.logs import Campaign
     from glider.campaign.reader import load_campaign
+    from glider.compiled.parallel import workers_of
     from glider.control.tvlqr import tracking_policy
     from glider.errors import InputError
     from glider.estimation.perching import perching_filter
@@ -43,3 +44,5 @@ if TYPE_CHECKING:
     from glider.systems.regulator import tracking_regulator
 else:
     __getattr__, __dir__, __all__ = attach(__name__, __file__)
+
+warn_if_foreign("diagrams", "loops")  # PyPI has another package of that name.

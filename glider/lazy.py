@@ -2,7 +2,10 @@
 
 import ast
 import importlib
+import importlib.util
+import warnings
 from collections.abc import Callable
+from pathlib import Path
 
 
 def attach(
@@ -43,3 +46,20 @@ def public_names(file: str) -> dict[str, tuple[str, str | None]]:
             elif isinstance(node, ast.ImportFrom):
                 names |= {a.name: (node.module or "", a.name) for a in node.names}
     return names
+
+
+def warn_if_foreign(package: str, module: str) -> None:
+    """Warns where a package of ours is another distribution's of the same name.
+
+    Args:
+        package: its name.
+        module: that ours has.
+    """
+    found = importlib.util.find_spec(package)
+    places = found.submodule_search_locations if found else None
+    if places and not any((Path(place) / f"{module}.py").exists() for place in places):
+        warnings.warn(
+            f"The package '{package}' in {places[0]} is not that of drake-glider: "
+            f"pip uninstall {package}, then install drake-glider again.",
+            stacklevel=3,
+        )

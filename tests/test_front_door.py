@@ -9,6 +9,7 @@ import ast
 import dataclasses
 import importlib
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -144,6 +145,24 @@ def test_a_name_loads_no_more_than_it_needs(run, name, needs):
     done = run(f"from glider import {name}")
     assert done["code"] == 0, done["error"]
     assert loaded(done) <= needs
+
+
+def test_a_package_of_the_same_name_is_said_at_import(tmp_path):
+    """PyPI's `diagrams` draws architectures of clouds."""
+    other = tmp_path / "diagrams"
+    other.mkdir()
+    (other / "__init__.py").write_text("", encoding="utf-8")
+    path = os.pathsep.join([str(tmp_path), str(Path(glider.__file__).parents[1])])
+    done = subprocess.run(
+        [sys.executable, "-c", "import glider"],
+        env=os.environ | {"PYTHONPATH": path},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "pip uninstall diagrams" in done.stderr
+    assert str(other) in done.stderr
 
 
 def test_what_people_use_first_is_there():

@@ -125,6 +125,7 @@ def run(args: argparse.Namespace) -> int:
             )
     except (PlanningError, SolverError) as error:
         raise InputError(f"{args.model}: {error}") from None
+    _warn_beyond(funnel)
     save_funnel(args.out, funnel)
     figure = args.out.with_suffix(".svg")
     _write_figure(funnel, figure)
@@ -186,6 +187,28 @@ def _settings(args: argparse.Namespace) -> "FunnelSettings":
         command_error=error,
         period=args.hold,
         wind=args.wind,
+    )
+
+
+def _warn_beyond(funnel: "Funnel") -> None:
+    """Warns where the extremes of the sets leave what the model was traced on."""
+    import numpy as np
+
+    from glider.physics.flown_range import warn_beyond
+
+    nominal = funnel.nominal
+    shapes = np.linalg.inv(funnel.shape(nominal.times))
+    extents = np.sqrt(np.diagonal(shapes, axis1=1, axis2=2))
+    extremes = (shapes / extents[:, None, :]).transpose(0, 2, 1)  # One for each state.
+    around = np.concatenate([extremes, -extremes], axis=1)
+    states = nominal.states[:, None, :] + around
+    count = states.shape[1]
+    warn_beyond(
+        "The funnel",
+        nominal.model,
+        np.repeat(nominal.times, count),
+        states.reshape(-1, funnel.num_states),
+        np.repeat(nominal.inputs, count),
     )
 
 

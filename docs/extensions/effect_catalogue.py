@@ -1,8 +1,9 @@
 """Sphinx extension: pages of the library's effects, made from the library itself.
 
 For each effect it writes the docstring from its module, its formula as it is computed,
-its coefficients, and a picture of its signature: the residual of flights of a glider
-that has the effect, under the model without it and with it.
+its coefficients, a picture of what it does to a flight, and one of its signature: the
+residual of flights of a glider that has the effect, under the model without it and with
+it.
 """
 
 import importlib
@@ -11,7 +12,7 @@ import pkgutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from signatures import Signature, draw, signatures, sizes_of
+from signatures import Signature, draw, draw_flights, signatures, sizes_of
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 
@@ -53,12 +54,13 @@ if it has any, and its coefficients. The *typical size* of a coefficient sets st
 sizes, the prior and the pictures. A coefficient whose neutral value is *any* only sets
 the shape of the effect; several starting values are tried for it.
 
-The pictures show the *residual* as in the report: measured minus modelled acceleration
-of eight flights, along the wing, normal to it, and in pitch (positive nose down). Grey
-is the model without the effect, blue the model with it. The signs give the contribution
-of the effect at its typical size: *0* for nothing visible above the noise, *+* for
-mostly positive, *−* for mostly negative, *±* for both. The tracer compares whole
-flights and may therefore find an effect whose picture shows little.
+The first picture of an effect shows what it does to a flight. The second shows the
+*residual* as in the report: measured minus modelled acceleration of eight flights,
+along the wing, normal to it, and in pitch (positive nose down). Grey is the model
+without the effect, blue the model with it. The signs give the contribution of the
+effect at its typical size: *0* for nothing visible above the noise, *+* for mostly
+positive, *−* for mostly negative, *±* for both. The tracer compares whole flights and
+may therefore find an effect whose picture shows little.
 
 What no formula describes is found as a curve or a free function, see [how it
 works](../how_it_works.md). [Your own effect](../tutorials/own_effect.py) needs a
@@ -85,6 +87,11 @@ def page_of(stage: str, signatures: list[Signature], texts: dict[str, str]) -> s
             f"*{kind.words[0].upper()}{kind.words[1:]}.*\n\n{texts[kind.kind]}\n\n"
             f"```python\n{''.join(_sources(kind))}```\n\n"
             f"{_coefficient_table(kind)}\n\n"
+            f"```{{figure}} pictures/{kind.kind}_flight.png\n"
+            f":alt: a flight with {kind.kind} beside the same launch without it\n\n"
+            f"One launch under one tape of commands, as cameras see it: the glider "
+            f"without the effect (grey) and with {size} (blue){_times(signature)}.\n"
+            f"```\n\n"
             f"```{{figure}} pictures/{kind.kind}.png\n"
             f":alt: residuals of flights with {kind.kind}\n\n"
             f"Flights of a glider with {size}: residual of the model without it (grey) "
@@ -94,6 +101,12 @@ def page_of(stage: str, signatures: list[Signature], texts: dict[str, str]) -> s
             f" It varies with {', '.join(kind.depends_on)}.\n"
         )
     return "\n".join(parts)
+
+
+def _times(signature: Signature) -> str:
+    """Says how much differences are magnified."""
+    times = signature.magnification
+    return f"; differences are drawn {times} times as large" if times > 1 else ""
 
 
 def unit_of(kind: EffectKind, name: str) -> str:
@@ -164,6 +177,7 @@ def write_catalogue(app: Sphinx) -> None:
     for signature in signatures():
         kind = signature.effect.kind
         (pictures / f"{kind.kind}.png").write_bytes(draw(signature))
+        draw_flights(signature).savefig(pictures / f"{kind.kind}_flight.png", dpi=90)
         found[kind.stage].append(signature)
     (folder / "index.md").write_text(index_page(texts), encoding="utf-8")
     for stage, own in found.items():

@@ -1,18 +1,22 @@
-"""The residual that an effect leaves in flights, drawn as in a report."""
+"""What an effect does to a flight, and the residual that it leaves, as in a report."""
 
 import dataclasses
 from collections.abc import Iterator
 
+import matplotlib
 import numpy as np
 from figure_file import to_png
+from matplotlib.figure import Figure as Picture
+from side_view import draw_glider
 
-from glider.campaign.logs import Campaign
+from glider.campaign.logs import Campaign, Flight
+from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.turning import signs_of, turn_campaign
 from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
 from glider.physics.model import GliderModel
 from glider.report.model_figures import RESIDUALS, residual_panel
 from glider.report.plots.figure import Figure
-from glider.report.plots.style import LABELS
+from glider.report.plots.style import COLORS, LABELS, STYLE
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.replay.log_space import LIBRARY_SPACE, vector_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
@@ -21,6 +25,20 @@ from glider.sysid.result import ResidualTable
 
 FLIGHTS = CampaignPlan(flights=8)
 """Flights of each picture."""
+
+SHOWN = CampaignPlan(
+    flights=1, capture=MotionCapture(position=0.0, pitch=0.0, elevator=0.0)
+)
+"""The flight that a picture shows, without noise."""
+
+INSTANTS = 7
+"""Poses that are drawn of it."""
+
+VISIBLE = 0.15
+"""Largest distance between two flights that is seen without magnification [m]."""
+
+MOST_TURN = 0.5
+"""Largest difference of pitch that is drawn magnified [rad]."""
 
 HIDDEN = 0.1
 """Share of the RMS of the noise below which a contribution is not visible."""
@@ -37,11 +55,13 @@ class Signature:
         effect: of the glider that flew.
         without: residual of the model that lacks it.
         known: residual of the model that has it.
+        flights: one launch and its commands, of the glider without and with it.
     """
 
     effect: Effect
     without: ResidualTable
     known: ResidualTable
+    flights: tuple[Flight, Flight]
 
     @property
     def variable(self) -> str:
@@ -57,6 +77,19 @@ class Signature:
             return "0"
         mean = np.mean(added)
         return "±" if abs(mean) < CLEAR * rms else "+" if mean > 0.0 else "−"
+
+    @property
+    def magnification(self) -> int:
+        """Factor of the drawn difference between the flights: 1, 2, 5, 10, ..."""
+        without, known = (flight.pose for flight in self.flights)
+        apart = np.abs(known - without)
+        distance = np.hypot(apart[:, 0], apart[:, 1]).max()
+        turn = apart[:, 2].max()
+        if distance == 0.0:
+            return 1
+        most = min(VISIBLE / distance, MOST_TURN / max(turn, 1e-9))
+        steps = [digit * 10**power for power in range(4) for digit in (1, 2, 5)]
+        return max([step for step in steps if step <= max(1.0, most)])
 
 
 def typical(kind: EffectKind) -> Effect:
@@ -85,11 +118,17 @@ def signatures() -> Iterator[Signature]:
         if kind.stage == "log":  # It is undone before a model sees it.
             records = _records(turn_campaign(logged, signs_of(truth)), noise)
         known = _table(records, truth)
-        yield Signature(effect=effect, without=without, known=known)
+        flights = _shown(GliderModel()), _shown(truth)
+        yield Signature(effect=effect, without=without, known=known, flights=flights)
 
 
 def _flown(truth: GliderModel) -> Campaign:
     return FLIGHTS.simulate(truth, np.random.default_rng(0))
+
+
+def _shown(truth: GliderModel) -> Flight:
+    [flight] = SHOWN.simulate(truth, np.random.default_rng(0)).flights
+    return flight
 
 
 def _records(campaign: Campaign, noise: Noise) -> list[Record]:
@@ -111,3 +150,26 @@ def draw(signature: Signature) -> bytes:
         ],
     )
     return to_png(figure, dpi=100)
+
+
+def draw_flights(signature: Signature) -> Picture:
+    """Draws both flights from the side, their differences magnified."""
+    poses = []
+    for flight in signature.flights:
+        assert flight.elevator is not None
+        poses.append(np.column_stack([flight.pose, flight.elevator]))
+    without, known = poses
+    known = without + signature.magnification * (known - without)
+    rows = np.linspace(0, len(without) - 1, INSTANTS).astype(int)
+    parameters = GliderModel().parameters
+    with matplotlib.rc_context(STYLE):
+        picture = Picture(figsize=(10.0, 2.6), layout="constrained")
+        ax = picture.subplots()
+        for track, key in ((without, "nominal"), (known, "corrected")):
+            color = COLORS[key]
+            ax.plot(*track[:, :2].T, color=color, lw=0.8)
+            for pose in track[rows]:
+                draw_glider(ax, parameters, pose, color=color, alpha=0.85)
+        ax.set_aspect("equal", adjustable="datalim")
+        ax.set(xlabel="x [m]", ylabel="z [m]")
+    return picture

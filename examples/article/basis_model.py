@@ -29,6 +29,7 @@ from course import (
     draw_attitudes,
     legend_beside,
     picture,
+    rates_of,
     read_options,
     start,
 )
@@ -83,21 +84,22 @@ def fly_exercise() -> tuple[np.ndarray, np.ndarray]:
     states = [np.array(starts)]
     for u in rates.T:
         now = states[-1].T
-        slopes = GLIDER.chain.derivatives(0.0, now, u, 0.0, 0.0, GLIDER.numbers)
-        slopes = np.stack(np.broadcast_arrays(*slopes), axis=1)
-        states.append(states[-1] + STEP * slopes)
+        states.append(states[-1] + STEP * rates_of(GLIDER, now, u).T)
     return np.stack(states, axis=1), rates
 
 
 # -------------------------------------------------------------------------- features
 
 PUBLISHED, CONSISTENT = 1, -1
-"""Sign that makes the angles nose up, as the features take them: the exercise takes
-the flights' angles, which are nose down, as they are."""
+"""Factor on the angles of the flights, which are positive nose down.
+
+CONSISTENT turns them nose up, as the features need them; PUBLISHED leaves them as they
+are, which is the fault of the exercise.
+"""
 
 
 class Flow(NamedTuple):
-    """What features are made of; angles nose up."""
+    """What features are made of; angles are nose up where the sign is CONSISTENT."""
 
     V: np.ndarray  #: Speed of the wing [m/s].
     sin_a: np.ndarray  #: Of its angle of attack a.
@@ -194,7 +196,7 @@ class BasisModel(NamedTuple):
 
 
 def plane_accelerations(states: np.ndarray, sign: int) -> list[np.ndarray]:
-    """Returns accelerations along and normal to the wing, less gravity, and in pitch.
+    """Returns accelerations along and normal to the wing and in pitch, less gravity.
 
     ẍ_p = ẍ cos θ + (z̈ + g) sin θ,  z̈_p = (z̈ + g) cos θ - ẍ sin θ,  θ̈: in these axes
     the forces do not move from one equation to the other as the glider turns.
@@ -238,8 +240,8 @@ def best_subset(columns: np.ndarray, target: np.ndarray, size: int) -> tuple[int
     """Returns the `size` columns that leave the least of a target.
 
     All subsets at once: of columns of unit length, with G = ΦᵀΦ and c = Φᵀy, those in a
-    subset explain cᵀ G⁻¹ c of ‖y‖². One whose columns depend on each other counts
-    nothing: V² sin a is the sum of V² sin a cos² a and V² sin³ a.
+    subset explain cᵀ G⁻¹ c of ‖y‖². Subsets with dependent columns are
+    skipped: V² sin a is the sum of V² sin a cos² a and V² sin³ a.
     """
     unit = columns / np.linalg.norm(columns, axis=0)
     subsets = np.array(list(itertools.combinations(range(columns.shape[1]), size)))

@@ -6,10 +6,12 @@ grow. What counts is
 
     J_sim(β) = Σ_k ‖x_sim,k(β) - x_data,k‖²_Q
 
-The article names backpropagation through time and real-time recurrent learning. Here
-the sensitivities ∂x_k/∂β are carried forward with the states (the latter), as the
-imaginary parts of complex steps, which are exact; Gauss-Newton steps use them, starting
-from the coefficients of lesson 1. Flight 0 is in no fit: it says which model to take.
+with Q = diag(1/SCALES²). The article names backpropagation through time and real-time
+recurrent learning. Here, as in the second, the sensitivities ∂x_k/∂β are carried
+forward with the states: they are the imaginary parts of complex steps, which are exact.
+Least squares in a trust region uses them, starting from the coefficients of lesson 1.
+Flight 0 is in no fit. With the published signs its error grows: J_sim weighs pitch and
+rates too, which a model of the wrong form can only trade against the position.
 
     python examples/article/basis_refinement.py --figure basis_refinement.png
 """
@@ -44,8 +46,8 @@ ARTICLE = {
 }
 
 SCALES = np.array([0.1, 0.1, 0.1, np.inf, 0.5, 0.5, 1.0])
-"""Errors of the states that weigh the same [m, rad, m/s, rad/s]. That of the elevator's
-angle, which is the sum of its rates, is no model's merit."""
+"""Errors of the states that weigh the same [m, rad, m/s, rad/s]. The elevator's angle
+is only integrated from the given rates, so that it is not scored."""
 
 TINY = 1e-30
 """Length of a complex step."""

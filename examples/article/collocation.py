@@ -4,18 +4,20 @@ The article's section "Planning the maneuver", its steps 1 to 3. States and inpu
 the knots are the unknowns of one program,
 
     min  ∫ 100 u² dt + (x(T) - x_g)ᵀ Q_f (x(T) - x_g),   ẋ = f(x, u) at the collocation
-         points, x(0) the launch, x(T) at the wire, limits of state, elevator and servo.
+         points, x(0) the launch, x(T) at the wire, limits of state, elevator and servo,
+         and of pitch and speed at T; T is free.
 
 Nothing says when to pitch up. It is solved on 25 knots, and from there on 41. Then the
 commands are replayed: by Drake's integrator from the planned launch, and in other ways.
 
 Where we differ: the notebook's plan costs 222.39. Its plant computes forces with the
 sine of the pitch rate, by a view of its state that it writes into; no glider flies that
-plan. With that put right, its elevator limits (nose up positive, the pitch is not)
-leave no solution; turned round, the plan costs 194.05. And replayed as planned, it
+plan. With that put right, its elevator limits, which are for angles that count nose
+up beside a pitch that counts nose down, leave no solution; with limits in the pitch's
+sign the plan costs 194.05. And replayed as planned, it
 hardly drifts: 41 knots are a fine mesh for 0.9 s. Commands held for 20 ms, Euler steps
-of 10 ms, a launch or a wind that is not as planned make it drift by centimeters: that
-is what feedback is for.
+of 10 ms, a launch or a wind that is not as planned make it drift by 3 to 46 cm: that is
+what feedback is for.
 
     python examples/article/collocation.py --figure collocation.png
 """
@@ -50,11 +52,11 @@ ARTICLE = {
     "The same by glider.plan": "-",
     "Duration of the plan": "-",
     "Open-loop replay drifts away": SHOWN,
-    "Miss, replayed as planned": "-",
-    "Miss, commands held for 20 ms": "-",
-    "Miss by Euler steps of 10 ms": "-",
-    "Miss, launched 0.1 m/s too fast": "-",
-    "Miss in a head wind of 0.6 m/s": "-",
+    "Distance from the wire at T, replayed as planned": "-",
+    "The same, commands held for 20 ms": "-",
+    "The same by Euler steps of 10 ms": "-",
+    "The same, launched 0.1 m/s too fast": "-",
+    "The same in a head wind of 0.6 m/s": "-",
 }
 
 GLIDER = GliderModel()
@@ -175,7 +177,7 @@ def replay(
 
 
 def miss_of(flight: np.ndarray) -> float:
-    """Returns how far from the wire a flight ends [m]."""
+    """Returns how far from the wire a flight is when the plan ends [m]."""
     return float(np.hypot(*flight[-1, :2]))
 
 

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from diagrams.programs import program
+from glider import GliderModel
 from glider.planning.problem import Hook
 from glider.report.plots.style import STYLE
 
@@ -41,6 +42,21 @@ def compare(article: Mapping[str, str], *ours: str) -> dict[str, str]:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
         print("  ".join(cells).rstrip())
     return dict(zip(article, ours, strict=True))
+
+
+def rates_of(
+    model: GliderModel, states: np.ndarray, commands: np.ndarray
+) -> np.ndarray:
+    """Returns ẋ (7, N) of states (7, N) under elevator rates (N,), in still air.
+
+    Each plate with normal n and velocity v through the air is pushed by
+    f = -ρ S (n·v) |v| along n; `glider/physics/chain.py` has the rest.
+    """
+    time, wind_x, wind_z = 0.0, 0.0, 0.0
+    rates = model.chain.derivatives(
+        time, states, commands, wind_x, wind_z, model.numbers
+    )
+    return np.array(np.broadcast_arrays(*rates))
 
 
 def start(main: Callable[[], object]) -> None:
@@ -73,7 +89,7 @@ def draw_attitudes(
 
 
 def draw_wire(ax: Axes) -> None:
-    """Draws the wire as a ring: a hook at the glider reaches it from inside."""
+    """Draws the wire as a ring: within it, a hook at the glider reaches the wire."""
     angle = np.linspace(0.0, 2.0 * np.pi, 60)
     reach = Hook().reach
     ax.plot(reach * np.cos(angle), reach * np.sin(angle), color="k", lw=1.0)

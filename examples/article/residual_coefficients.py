@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import UnivariateSpline
 
-from course import SHOWN, compare, picture, read_options, start
+from course import SHOWN, compare, picture, rates_of, read_options, start
 from glider import Campaign, GliderModel, load_campaign, refly
 from glider.campaign.logs import Flight
 from glider.campaign.motion_capture import MotionCapture
@@ -75,13 +75,13 @@ def _samples_of(flight: Flight, plate: GliderModel) -> Samples:
     xdot, zdot, pitchdot, rate = (curve(times, 1) for curve in curves)
     measured = [curve(times, 2) for curve in curves[:3]]
     state = np.array([x, z, pitch, elevator, xdot, zdot, pitchdot])
-    rates = plate.chain.derivatives(0.0, state, rate, 0.0, 0.0, plate.numbers)
+    rates = rates_of(plate, state, rate)
     alpha = np.arctan2(-zdot, xdot) - pitch
     variables = np.column_stack([alpha, elevator, np.hypot(xdot, zdot)])
     return Samples(
         variables,
         coefficients_of(np.array(measured), xdot, zdot, plate),
-        coefficients_of(np.array(rates[4:7]), xdot, zdot, plate),
+        coefficients_of(rates[4:7], xdot, zdot, plate),
     )
 
 
@@ -225,8 +225,8 @@ def plate_at(variables: np.ndarray, model: GliderModel) -> np.ndarray:
     alpha, elevator, speed = variables.T
     still = np.zeros_like(alpha)
     state = np.array([still, still, -alpha, elevator, speed, still, still])
-    rates = model.chain.derivatives(0.0, state, 0.0, 0.0, 0.0, model.numbers)
-    return coefficients_of(np.array(rates[4:7]), speed, still, model)
+    rates = rates_of(model, state, still)
+    return coefficients_of(rates[4:7], speed, still, model)
 
 
 def draw(

@@ -11,8 +11,9 @@ feedback and without. A flight perches if a hook can take it at the wire: within
 not too fast, nose up.
 
 Where we differ: from these launches the plan alone perches as well, for the glider is
-the planned one. So launches follow that are three times as far off as ours mostly are
-(12 cm in height, 0.3 m/s in speed, 3.4° in pitch): there feedback is worth it. In a
+the planned one. So launches follow with three times the usual standard deviations
+of this library (12 cm in height, 0.3 m/s in speed, 3.4° in pitch): there feedback is
+worth it. In a
 head wind that the plan does not know it makes the miss smaller, and still no flight
 perches.
 

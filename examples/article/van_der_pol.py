@@ -1,18 +1,22 @@
 """Lesson 7: how much of a region of attraction can sums of squares prove?
 
-The sums-of-squares script of the article's section "A note on funnels".
-The reversed Van der Pol oscillator goes to the origin from within its limit cycle.
-With V from the Lyapunov equation, Drake's RegionOfAttraction finds the largest level:
-the ellipse {V <= 2.3045}, less than half of the region. Where V may change too and is
-of degree 4 or 6, alternation between a multiplier and V proves nearly all of it. Every
-proof is checked in exact arithmetic; the solver is not trusted.
+The sums-of-squares script of the article's section "A note on funnels". The reversed
+Van der Pol oscillator goes to the origin from within its limit cycle. With V from the
+Lyapunov equation, Drake's RegionOfAttraction finds the largest level (the article
+alternates between the multiplier and the level instead): the ellipse {V <= 2.3045},
+less than half of the region. Where V may change too and is of degree 4 or 6,
+alternation between a multiplier and V proves nearly all of it. Every proof is checked
+in exact arithmetic; the solver is not trusted.
 
     ẋ₁ = -x₂,  ẋ₂ = x₁ + (x₁² - 1) x₂
 
-{V <= 1} is attracted if V, L and -V̇ - L (1 - V) are sums of squares, all without a
-constant term and with positive definite Gram matrices: where V <= 1, V̇ is then
-negative away from the origin. L V is a product of unknowns, hence the alternation:
-first L for a given V, then V for that L.
+A polynomial p = mᵀ G m, m its monomials, is a sum of squares if the Gram matrix G is
+positive semidefinite, and then p >= 0 everywhere; to find such a G is a semidefinite
+program. L is the multiplier of the S-procedure: L >= 0 and -V̇ >= L (1 - V) make V̇
+negative where V <= 1. {V <= 1} is attracted if V, L and -V̇ - L (1 - V) are sums of
+squares, all without a constant term and with positive definite Gram matrices: where V
+<= 1, V̇ is then negative away from the origin. L V is a product of unknowns, hence the
+alternation: first L for a given V, then V for that L.
 
     python examples/article/van_der_pol.py --figure van_der_pol.png
 """

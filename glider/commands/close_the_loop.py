@@ -46,6 +46,7 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_seed("of the split into fitted and held-out flights")
     words = "try only these effects; others cannot be found then (default: all)"
     parser.add_effects("--effects", words)
+    parser.add_cluster()
     parser.add_json("report.json instead of the summary")
 
 
@@ -54,16 +55,18 @@ def run(args: argparse.Namespace) -> int:
     check_seed(args.seed)
     folder = output_folder(args.out, args.campaign)
     with working() as progress:
+        from glider.compiled.parallel import workers_of
         from glider.sysid.pipeline import close_the_loop
 
-        result = close_the_loop(
-            args.campaign,
-            flights=args.flights,
-            held_out=args.held_out,
-            seed=args.seed,
-            effects=args.effects,
-            progress=progress,
-        )
+        with workers_of(args.cluster):
+            result = close_the_loop(
+                args.campaign,
+                flights=args.flights,
+                held_out=args.held_out,
+                seed=args.seed,
+                effects=args.effects,
+                progress=progress,
+            )
     # Matplotlib takes half a second to import: not before the input is read.
     from glider.files.schema import json_text
     from glider.report.folder import write_report

@@ -45,6 +45,7 @@ def add_arguments(parser: CommandParser) -> None:
     files = "commands_N.csv, next_throw.json and next_throw.png"
     parser.add_out(files, "out/CAMPAIGN/next_throw")
     parser.add_seed("of the search")
+    parser.add_cluster()
     parser.add_json("next_throw.json, no sentences")
 
 
@@ -57,19 +58,21 @@ def run(args: argparse.Namespace) -> int:
     report = args.report or default_folder(args.campaign)
 
     with working() as progress:
+        from glider.compiled.parallel import workers_of
         from glider.experiments.explanations import load_findings
         from glider.experiments.proposal import next_throw
         from glider.experiments.throw_limits import load_limits
 
         limits = load_limits(args.limits) if args.limits else None
-        proposal = next_throw(
-            args.campaign,
-            load_findings(report),
-            launches=args.launches,
-            limits=limits,
-            seed=args.seed,
-            progress=progress,
-        )
+        with workers_of(args.cluster):
+            proposal = next_throw(
+                args.campaign,
+                load_findings(report),
+                launches=args.launches,
+                limits=limits,
+                seed=args.seed,
+                progress=progress,
+            )
         from glider.files.schema import json_text
         from glider.report.next_throw import print_proposal, to_json, write_proposal
 

@@ -44,6 +44,14 @@ class CommandParser(argparse.ArgumentParser):
         """Adds an option for an integer."""
         self.add_argument(name, metavar="N", type=int, default=default, help=words)
 
+    def add_cluster(self) -> None:
+        """Adds --cluster, whose workers do what is done in parallel."""
+        words = (
+            "scheduler of Dask, such as tcp://host:8786, whose workers do what is done "
+            "in parallel (default: threads of this computer)"
+        )
+        self.add_argument("--cluster", metavar="ADDRESS", help=words)
+
     def add_seed(self, words: str) -> None:
         """Adds --seed, of what is drawn at random; see `check_seed`."""
         self.add_number("--seed", f"{words} (default: 0)", 0)

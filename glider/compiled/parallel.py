@@ -1,21 +1,25 @@
 """Work over flights in parallel.
 
 By threads: the compiled loops release Python's lock. The caller may choose other
-workers through joblib, up to a cluster of processes. With Dask (the extra `cluster`):
+workers through joblib, up to a cluster of computers:
 
-    with Client(address), joblib.parallel_config(backend="dask"):
+    with workers_of("tcp://scheduler:8786"):
         result = close_the_loop(folder)
 """
 
 import collections
+import contextlib
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import joblib
 from joblib.parallel import get_active_backend
 from threadpoolctl import threadpool_limits
+
+from glider.errors import InputError
 
 _WORKERS = joblib.cpu_count()
 """One for each core that this process may use, by affinity and cgroup."""
@@ -29,6 +33,40 @@ _PARTS = 4
 
 _UNSET = type(get_active_backend()[0])
 """joblib's backend where the caller has not chosen one."""
+
+
+@contextlib.contextmanager
+def workers_of(address: str | None, timeout: float = 10.0) -> Iterator[None]:
+    """Lets the workers of a Dask scheduler do what is done in parallel.
+
+    Args:
+        address: of the scheduler, such as "tcp://host:8786"; None for the threads of
+            this computer.
+        timeout: to reach it [s].
+
+    Raises:
+        InputError: Dask is not installed, or no scheduler answers there.
+    """
+    if address is None:
+        yield
+        return
+    try:
+        from dask.distributed import Client
+    except ImportError as error:
+        raise InputError(
+            "A cluster needs Dask: pip install 'drake-glider[cluster]'."
+        ) from error
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Dask's own, at closing.
+        try:
+            client = Client(address, timeout=timeout)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"No Dask scheduler answers at '{address}'; expected an address such "
+                "as tcp://host:8786, which `dask scheduler` prints."
+            ) from error
+        with client, joblib.parallel_config(backend="dask"):
+            yield
 
 
 def in_parallel(function: Callable[[Any], Any], items: Iterable) -> list:

@@ -7,6 +7,7 @@ For example:
       - {kind: wind, coefficients: {x: -0.6, z: 0.1}}
     free_functions:                                       # optional
       - {kind: unexplained, variables: [x], ...}
+    flown: {x: [-3.5, 0.6], V: [2.1, 7.9]}                # where traced, optional
     covariance: {names: [wind.x, wind.z], matrix: [[1e-6, 0], [0, 1e-6]]}     # optional
     origin: {source: throws, date: ..., version: ..., standard_errors: {wind.x: 0.001}}
 """
@@ -32,6 +33,7 @@ from glider.physics.compose import compose, initial_extra
 from glider.physics.covariance import Covariance, check_names
 from glider.physics.effects import FREE_FUNCTIONS, KINDS, Effect, EffectKind, Gaussians
 from glider.physics.effects.free_functions import FreeFunction, gaussians_of
+from glider.physics.flown_range import Ranges, check_ranges
 from glider.physics.parameter_space import ParameterSpace, space_of
 from glider.physics.parameters import (
     NUM_PARAMETERS,
@@ -67,6 +69,9 @@ class GliderModel:
         effects: from the library, or custom ones. One with states whose
             coefficients are all zero, as a servo_lag of no duration, does not act.
         free_functions: effects whose coefficient is a function, as data.
+        flown: range of each variable that effects and free functions depend on, in
+            the flights that they were traced on; empty where they were not. It does
+            not change how the glider flies.
 
     Raises:
         InputError: a field is not of its type, or an effect is given twice.
@@ -75,6 +80,7 @@ class GliderModel:
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: tuple[Effect, ...] = ()
     free_functions: tuple[FreeFunction, ...] = ()
+    flown: Ranges = dataclasses.field(default_factory=dict, compare=False, repr=False)
 
     def __init__(
         self,
@@ -82,6 +88,7 @@ class GliderModel:
         parameters: GliderParameters | None = None,
         effects: Sequence[Effect] = (),
         free_functions: Sequence[FreeFunction] = (),
+        flown: Ranges | None = None,
         **unknown: Never,
     ):
         """Sets the fields; whatever else is given is an InputError."""
@@ -104,6 +111,9 @@ class GliderModel:
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "effects", tuple(effects))
         object.__setattr__(self, "free_functions", tuple(free_functions))
+        ranges = dict(flown or {})
+        check_ranges(ranges)
+        object.__setattr__(self, "flown", ranges)
 
     def __getstate__(self) -> dict[str, object]:
         """Returns the fields alone: composed functions do not pickle."""
@@ -307,6 +317,7 @@ class _ModelFile:
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: list[_EffectFile] = dataclasses.field(default_factory=list)
     free_functions: list[FreeFunction] = dataclasses.field(default_factory=list)
+    flown: dict[str, tuple[float, float]] | None = None
     covariance: Covariance | None = None
     origin: Origin | None = None
 
@@ -325,6 +336,7 @@ def model_text(
             parameters=model.parameters,
             effects=effects,
             free_functions=[*model.free_functions],
+            flown=dict(model.flown) or None,
             covariance=covariance,
             origin=origin,
         )
@@ -383,6 +395,7 @@ def _parse(
             parameters=file.parameters,
             effects=effects,
             free_functions=file.free_functions,
+            flown=file.flown,
         )
         if file.covariance is not None:
             check_names(file.covariance.names, effects)

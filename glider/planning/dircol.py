@@ -15,6 +15,7 @@ from pydrake.solvers import MathematicalProgramResult, SnoptSolver, SolverOption
 
 from glider.compiled.kernel import UncompilableError
 from glider.errors import expect
+from glider.physics.flown_range import warn_beyond
 from glider.physics.model import GliderModel, as_model
 from glider.planning.constraints import (
     Violation,
@@ -208,6 +209,7 @@ def _status(result: MathematicalProgramResult) -> str:
 
 
 def _make_plan(path: Path, cost: float, attempts: list[Attempt]) -> Plan:
+    warn_beyond("The plan", path.model, path.times, path.states, path.inputs)
     return Plan(
         times=path.times,
         states=path.states.copy(),

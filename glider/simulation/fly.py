@@ -173,12 +173,12 @@ def sweep(
 ) -> Flights:
     """Flies very many launches in chunks that joblib's workers share.
 
-    The caller chooses the workers, up to a cluster. With Dask (the extra `cluster`):
+    The caller chooses the workers, up to a cluster:
 
         def fly_some(count, rng):
             return fly(model, policy, problem.draw_launches(count, rng))
 
-        with Client(address), joblib.parallel_config(backend="dask"):
+        with workers_of("tcp://scheduler:8786"):
             found = sweep(fly_some, flights=100_000, seed=0)
 
     The result depends on the seed alone, not on the workers, and is without paths.

@@ -53,6 +53,7 @@ def test_the_model_loads(done):
         (["{campaign}", "--held-out", "2"], "held-out"),
         (["{campaign}", "--flights", "flight_1234"], "flight_1234"),
         (["{campaign}", "--seed", "-1"], "seed"),
+        (["{campaign}", "--cluster", "nonsense"], "scheduler"),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(arguments, words, capsys, tmp_path):

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pytest
 from matplotlib.text import Text
 
@@ -35,6 +36,50 @@ def words_drawn(figure):
         line for text in figure.findobj(Text) for line in text.get_text().split("\n")
     ]
     return sorted(filter(None, lines))
+
+
+def test_every_page_has_a_picture():
+    """But for words, limits and the API, where one looks things up."""
+    without = {"glossary.md", "limits.md", "index.md"}
+    pages = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "theory").glob("*.md")]
+    shown = re.compile(r"\{figure\}|!\[")
+    bare = {p.name for p in pages if not shown.search(p.read_text(encoding="utf-8"))}
+    assert bare <= without
+
+
+def test_the_animated_flights_end_as_they_are_labelled(extension, tmp_path):
+    """The correction is what lets the glider perch, in as many frames as committed."""
+    animation = extension("perch_animation")
+    flown = animation.fly_both()
+    assert {key: flight.perched for key, flight in flown.items()} == {
+        "nominal": False,
+        "corrected": True,
+    }
+    assert flown["nominal"].miss > 0.05
+    with PIL.Image.open(animation.PICTURE) as picture:
+        duration = max(flight.times[-1] for flight in flown.values())
+        frames = duration / animation.SLOW * animation.FRAMES_PER_SECOND
+        assert frames <= picture.n_frames <= frames + 2.0  # The pause is one.
+
+
+def test_an_effect_is_drawn_larger_where_it_is_small(extension):
+    """Both flights have one launch; the difference that is drawn is visible."""
+    signatures = extension("signatures")
+    kinds = {"wind": None, "stalled_downwash": None, "angle_sign": None}
+    for signature in signatures.signatures():
+        if signature.effect.kind.kind in kinds:
+            kinds[signature.effect.kind.kind] = signature
+    for signature in kinds.values():
+        without, known = signature.flights
+        np.testing.assert_allclose(without.command, known.command, atol=1e-12)
+    assert kinds["wind"].magnification == 1
+    assert kinds["angle_sign"].magnification == 1
+    small = kinds["stalled_downwash"]
+    apart = small.flights[1].pose - small.flights[0].pose
+    largest = np.hypot(*apart[:, :2].T).max()
+    assert largest < signatures.VISIBLE
+    assert small.magnification > 1
+    assert small.magnification * largest <= signatures.VISIBLE
 
 
 def test_the_glider_is_drawn_as_its_command_draws_it(extension):

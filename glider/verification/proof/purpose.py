@@ -124,9 +124,12 @@ def set_sizes(funnel: Funnel, time: float) -> dict[str, dict[str, float]]:
 
 def _model_faults(funnel: Funnel, model: GliderModel) -> list[str]:
     """Returns the first difference of a funnel's glider from a model, if any."""
-    own, other = (
+    own, other = (  # Where each was flown changes nothing.
         dict(_entries(parse_yaml(model_text(one), "model")))
-        for one in (funnel.nominal.model, model)
+        for one in (
+            dataclasses.replace(funnel.nominal.model, flown={}),
+            dataclasses.replace(model, flown={}),
+        )
     )
     for place in {**own, **other}:
         found = own.get(place)

@@ -79,5 +79,5 @@ def test_the_tube_holds_the_flights_inside():
 @pytest.mark.nightly
 def test_no_flight_leaves_the_funnel():
     found = funnel.main([])
-    assert found["Certificate, checked in exact arithmetic"] == "holds"
+    assert found["Certificate of the polynomials, in exact arithmetic"] == "holds"
     assert found["Flights from the boundary that leave"].startswith("0 of ")

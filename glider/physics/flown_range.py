@@ -1,0 +1,96 @@
+"""Where a traced model was flown, and a warning where a path leaves that.
+
+A corrected model is right for what the flights showed. An effect that was found below
+stall may be wrong beyond it, so the model keeps the range of each variable that its
+effects and free functions depend on.
+"""
+
+import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from glider.errors import InputError
+from glider.physics.effects.free_functions import FLOW_UNITS
+
+if TYPE_CHECKING:
+    from glider.physics.model import GliderModel
+
+Ranges = Mapping[str, tuple[float, float]]
+"""Maps one of FLOW_UNITS to its least and largest value in the flights, in its unit."""
+
+
+def check_ranges(ranges: Ranges) -> None:
+    """Raises InputError where ranges are none."""
+    for name, (low, high) in ranges.items():
+        if name not in FLOW_UNITS or not -np.inf < low <= high < np.inf:
+            raise InputError(
+                f"flown: '{name}': found [{low:g}, {high:g}]; expected the least and "
+                f"the largest value of one of {', '.join(FLOW_UNITS)}."
+            )
+
+
+def ranges_of(
+    model: "GliderModel", values: Mapping[str, np.ndarray]
+) -> dict[str, tuple[float, float]]:
+    """Returns the flown range of each variable that a model's corrections depend on.
+
+    Args:
+        model: the corrected glider.
+        values: of the variables in the flights, (n,) each.
+    """
+    wanted = {name for effect in model.effects for name in effect.kind.depends_on}
+    wanted |= {name for part in model.free_functions for name in part.variables}
+    return {
+        name: (float(values[name].min()), float(values[name].max()))
+        for name in FLOW_UNITS
+        if name in wanted
+    }
+
+
+def describe_departures(
+    model: "GliderModel", times: np.ndarray, states: np.ndarray, rates: np.ndarray
+) -> str:
+    """Describes how far states are beyond what a model was traced on; empty if not.
+
+    Args:
+        model: with ranges, or without: then nothing is beyond.
+        times: (K,) [s].
+        states: (K, n) of the model.
+        rates: (K,) of the elevator [rad/s].
+    """
+    chain, theta = model.chain, model.numbers
+    flow, _ = chain.meet_air(times, states.T, rates, 0.0, 0.0, theta)
+    values = dict(zip(FLOW_UNITS, chain.flow_variables(flow), strict=True))
+    beyond = []
+    for name, (low, high) in model.flown.items():
+        least, most = np.min(values[name]), np.max(values[name])
+        reached = f"{min(least, low):.3g}", f"{max(most, high):.3g}"
+        flown = f"{low:.3g}", f"{high:.3g}"
+        if reached != flown:  # By more than the digits that are shown.
+            beyond.append(
+                f"{name} from {least:z.3g} to {most:z.3g} {FLOW_UNITS[name]} (flown: "
+                f"{' to '.join(flown)})"
+            )
+    return ", ".join(beyond)
+
+
+def warn_beyond(
+    what: str,
+    model: "GliderModel",
+    times: np.ndarray,
+    states: np.ndarray,
+    rates: np.ndarray,
+) -> None:
+    """Warns where a plan, a funnel or a throw leaves what a model was traced on.
+
+    `what` is its name in the sentence; the others are as in `describe_departures`.
+    """
+    beyond = describe_departures(model, times, states, rates)
+    if beyond:
+        warnings.warn(
+            f"{what} leaves what the model was traced on: {beyond}. Its corrections "
+            "are extrapolated there: fly that range, and trace again.",
+            stacklevel=3,
+        )
