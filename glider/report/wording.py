@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sized
 import jinja2
 
 from glider.physics.effects import KINDS
+from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of, unit_beside_floor
 from glider.sysid.result import Estimate, Result
@@ -114,6 +115,7 @@ TEMPLATES.globals |= {
     "join": join,
     "notes_of": notes_of,
     "clock_name": lambda name: _CLOCKS.get(name, name),
+    "units": FLOW_UNITS,
     "length": lambda r, value: unit_beside_floor(r, value).text(value),
     "may_be_chance": lambda r: r.left.ratio_to_floor > 1.0 and r.left.may_be_chance,
     "metres": numbers.format_length,

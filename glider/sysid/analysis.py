@@ -21,6 +21,7 @@ from glider.campaign.turning import Signs, turn_campaign
 from glider.compiled.warm_up import warm_up
 from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, POSITION_SCALE
+from glider.physics.flown_range import ranges_of
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
@@ -95,6 +96,8 @@ class Analysis:
 
         with self.stage("weigh", "standard errors"):
             alternatives, known = _weigh(found)
+            flown_values = evaluated["residual_after"].variables
+            alternatives = tuple(_with_ranges(a, flown_values) for a in alternatives)
             effects = outcome.effects_of(
                 task, traced, tests, known, spreads, flights.signs
             )
@@ -228,6 +231,15 @@ class Analysis:
                     f"{name}: every model diverges on this held-out flight; it is "
                     "excluded from the errors."
                 )
+
+
+def _with_ranges(
+    alternative: result.Alternative, values: dict[str, np.ndarray]
+) -> result.Alternative:
+    """Adds where its model was flown, by the variables (n,) of the flights."""
+    ranges = ranges_of(alternative.model, values)
+    model = dataclasses.replace(alternative.model, flown=ranges)
+    return dataclasses.replace(alternative, model=model)
 
 
 def _weigh(found: Searched) -> tuple[tuple[result.Alternative, ...], Uncertainty]:
