@@ -70,8 +70,12 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
+    from glider.verification.funnel.file import read_file
+
     _check_options(args)
-    # These take a second to import.
+    read_file(
+        args.funnel
+    )  # A fault of the file is said at once: imports take a second.
     from glider.files.schema import json_text
     from glider.physics.model import GliderModel, load_covariance
     from glider.planning.problem import PerchingProblem

@@ -7,32 +7,15 @@ effects and free functions depend on.
 
 import warnings
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from glider.errors import InputError
 from glider.physics.effects.free_functions import FLOW_UNITS
-
-if TYPE_CHECKING:
-    from glider.physics.model import GliderModel
-
-Ranges = Mapping[str, tuple[float, float]]
-"""Maps one of FLOW_UNITS to its least and largest value in the flights, in its unit."""
-
-
-def check_ranges(ranges: Ranges) -> None:
-    """Raises InputError where ranges are none."""
-    for name, (low, high) in ranges.items():
-        if name not in FLOW_UNITS or not -np.inf < low <= high < np.inf:
-            raise InputError(
-                f"flown: '{name}': found [{low:g}, {high:g}]; expected the least and "
-                f"the largest value of one of {', '.join(FLOW_UNITS)}."
-            )
+from glider.physics.model import GliderModel
 
 
 def ranges_of(
-    model: "GliderModel", values: Mapping[str, np.ndarray]
+    model: GliderModel, values: Mapping[str, np.ndarray]
 ) -> dict[str, tuple[float, float]]:
     """Returns the flown range of each variable that a model's corrections depend on.
 
@@ -50,7 +33,7 @@ def ranges_of(
 
 
 def describe_departures(
-    model: "GliderModel", times: np.ndarray, states: np.ndarray, rates: np.ndarray
+    model: GliderModel, times: np.ndarray, states: np.ndarray, rates: np.ndarray
 ) -> str:
     """Describes how far states are beyond what a model was traced on; empty if not.
 
@@ -78,7 +61,7 @@ def describe_departures(
 
 def warn_beyond(
     what: str,
-    model: "GliderModel",
+    model: GliderModel,
     times: np.ndarray,
     states: np.ndarray,
     rates: np.ndarray,

@@ -17,7 +17,7 @@ import functools
 import math
 import types
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Never
 
@@ -32,8 +32,7 @@ from glider.physics.chain import theta_of
 from glider.physics.compose import compose, initial_extra
 from glider.physics.covariance import Covariance, check_names
 from glider.physics.effects import FREE_FUNCTIONS, KINDS, Effect, EffectKind, Gaussians
-from glider.physics.effects.free_functions import FreeFunction, gaussians_of
-from glider.physics.flown_range import Ranges, check_ranges
+from glider.physics.effects.free_functions import FLOW_UNITS, FreeFunction, gaussians_of
 from glider.physics.parameter_space import ParameterSpace, space_of
 from glider.physics.parameters import (
     NUM_PARAMETERS,
@@ -60,6 +59,10 @@ SHORTEST = 2e-5
 """Shortest step that is worth its time [s]: 1000 of them to a command."""
 
 
+_Ranges = Mapping[str, tuple[float, float]]
+"""Maps one of FLOW_UNITS to its least and largest value in the flights, in its unit."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GliderModel:
     """A glider: the flat-plate vehicle and what it lacks.
@@ -80,7 +83,7 @@ class GliderModel:
     parameters: GliderParameters = dataclasses.field(default_factory=GliderParameters)
     effects: tuple[Effect, ...] = ()
     free_functions: tuple[FreeFunction, ...] = ()
-    flown: Ranges = dataclasses.field(default_factory=dict, compare=False, repr=False)
+    flown: _Ranges = dataclasses.field(default_factory=dict, compare=False, repr=False)
 
     def __init__(
         self,
@@ -88,7 +91,7 @@ class GliderModel:
         parameters: GliderParameters | None = None,
         effects: Sequence[Effect] = (),
         free_functions: Sequence[FreeFunction] = (),
-        flown: Ranges | None = None,
+        flown: _Ranges | None = None,
         **unknown: Never,
     ):
         """Sets the fields; whatever else is given is an InputError."""
@@ -112,7 +115,7 @@ class GliderModel:
         object.__setattr__(self, "effects", tuple(effects))
         object.__setattr__(self, "free_functions", tuple(free_functions))
         ranges = dict(flown or {})
-        check_ranges(ranges)
+        _check_ranges(ranges)
         object.__setattr__(self, "flown", ranges)
 
     def __getstate__(self) -> dict[str, object]:
@@ -274,6 +277,16 @@ class GliderModel:
     ) -> None:
         """Writes a model; `load` gives it back unchanged."""
         write_text(Path(path), model_text(self, origin, covariance))
+
+
+def _check_ranges(ranges: _Ranges) -> None:
+    """Raises InputError where ranges are none."""
+    for name, (low, high) in ranges.items():
+        if name not in FLOW_UNITS or not -np.inf < low <= high < np.inf:
+            raise InputError(
+                f"flown: '{name}': found [{low:g}, {high:g}]; expected the least and "
+                f"the largest value of one of {', '.join(FLOW_UNITS)}."
+            )
 
 
 def _check_effects(effects: Any) -> None:

@@ -120,6 +120,9 @@ def test_a_perch_is_planned_with_the_model(reported):
         warnings.simplefilter("always")
         planned = plan(path, PerchingProblem(), knots=(15,))
     texts = [str(one.message) for one in given if one.category is UserWarning]
+    texts = [
+        text for text in texts if "leaves what the model was traced on" not in text
+    ]
     assert bool(texts) == (reported.result.verdict == "not_trusted")
     assert all("not trusted" in text for text in texts)
     assert np.all(np.isfinite(planned.states))

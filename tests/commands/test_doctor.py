@@ -37,7 +37,7 @@ def test_a_missing_library_fails(monkeypatch, capsys):
     assert lines[-1].startswith("1 of 4 fail; install it again")
 
 
-EXTRAS = {"serial", "ezc3d"}
+EXTRAS = {"serial", "ezc3d", "dask"}
 """Modules that may be imported by name although an extra installs them: in a `try`, and
 after `need`, by which readers of logs import theirs."""
 

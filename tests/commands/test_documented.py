@@ -71,8 +71,8 @@ def test_a_shown_program_has_its_options(case):
         path = Path(spec.origin)
     else:
         path = ROOT / first
-    shared = ROOT / "diagrams" / "programs" / "program.py"
-    code = path.read_text("utf-8") + shared.read_text("utf-8")
+    shared = ("diagrams/programs/program.py", "glider/commands/parsing.py")
+    code = "".join(p.read_text("utf-8") for p in (path, *(ROOT / s for s in shared)))
     for option in re.findall(r"(?<= )--[a-z-]+", " ".join(["", *words])):
         assert f'"{option}"' in code
 
