@@ -58,6 +58,7 @@ def test_takes_one_by_one_give_the_flights_of_an_import_of_all(tmp_path, session
     assert len(session.state.throws) == 2
 
 
+@pytest.mark.filterwarnings("ignore:.*not trusted")  # Three throws are few.
 def test_measured_throws_one_by_one_give_the_answer_of_a_full_run(tmp_path, session):
     source = MEASURED / "motion_studio_v3"
     shutil.copy(source / "campaign.yaml", tmp_path)
