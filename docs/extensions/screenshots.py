@@ -1,7 +1,8 @@
 """Pictures of pages and programs, taken in Chromium.
 
 `python docs/extensions/screenshots.py [NAME ...]` runs the programs on sample campaigns
-and writes docs/pictures/NAME.png: report, lab, next_throw and funnel_in_meshcat.
+and writes docs/pictures/NAME.png: report, lab, next_throw,
+funnel_in_meshcat and launch_map.
 """
 
 import re
@@ -35,7 +36,7 @@ def take_report(folder: Path, picture: Path) -> None:
     """The beginning of a report."""
     run("close-the-loop", "attached_lift", "--out", folder)
     with opened((folder / "report.html").as_uri(), 1000, 1150) as window:
-        window.wait_for(lambda: window.page.locator(".main-svg").count() > 0)
+        assert window.wait_for(lambda: window.page.locator(".main-svg").count() > 0)
         window.page.screenshot(path=picture)
 
 
@@ -52,7 +53,7 @@ def take_lab(folder: Path, picture: Path) -> None:
         assert address is not None
         with opened(address[0], 1000, 1500) as window:
             found = window.page.locator("#headline")
-            window.wait_for(lambda: "wind" in found.inner_text().lower())
+            assert window.wait_for(lambda: "wind" in found.inner_text().lower())
             window.page.wait_for_timeout(3000)  # Figures follow.
             window.page.screenshot(path=picture)
         process.send_signal(signal.SIGINT)
@@ -61,10 +62,10 @@ def take_lab(folder: Path, picture: Path) -> None:
 
 def take_next_throw(folder: Path, picture: Path) -> None:
     """The figure of proposed throws."""
-    run("close-the-loop", "attached_lift", "--out", folder / "report")
+    run("close-the-loop", "four_at_once", "--out", folder / "report")
     proposal = folder / "next"
     report = folder / "report"
-    run("next-throw", "attached_lift", "--report", report, "--out", proposal)
+    run("next-throw", "four_at_once", "--report", report, "--out", proposal)
     shutil.copy(proposal / "next_throw.png", picture)
 
 
@@ -74,12 +75,12 @@ def take_funnel_in_meshcat(folder: Path, picture: Path) -> None:
     from diagrams.programs.page import open_meshcat, page_of
     from diagrams.tube import draw_tube
     from glider.paths import models_path
-    from glider.verification.funnel.funnel import load_funnel
+    from glider.verification.funnel.funnel import funnel_policy, load_funnel
 
     funnel = load_funnel(models_path("funnels", "drawn_hook.npz"))
     meshcat = open_meshcat()
     draw_tube(meshcat, funnel)
-    track = track_of("nominal flight", funnel.nominal)
+    track = track_of("nominal flight", funnel_policy(funnel).plan)
     play([track], meshcat, rate=0.25)
     page = folder / "funnel.html"
     page.write_text(page_of(meshcat, [track], "Funnel", 0.25), encoding="utf-8")
@@ -88,11 +89,18 @@ def take_funnel_in_meshcat(folder: Path, picture: Path) -> None:
         window.page.screenshot(path=picture)
 
 
+def take_launch_map(folder: Path, picture: Path) -> None:
+    """The launches from which there is a plan."""
+    script = ROOT / "examples" / "launch_map.py"
+    subprocess.run([sys.executable, script, "--figure", picture], check=True)
+
+
 JOBS: dict[str, Callable[[Path, Path], None]] = {
     "report": take_report,
     "lab": take_lab,
     "next_throw": take_next_throw,
     "funnel_in_meshcat": take_funnel_in_meshcat,
+    "launch_map": take_launch_map,
 }
 
 if __name__ == "__main__":
