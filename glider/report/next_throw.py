@@ -186,9 +186,10 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
         ("time since release [s]", "commanded elevator,\nup > 0 [°]"),
         ("time since release [s]", "difference of explanations,\nas fitted now [mm]"),
     )
+    count = 3 if len(p.explanations) > 1 else 2  # One differs from no other.
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 8.0), layout="constrained")
-        axes = figure.subplots(len(labels))
+        figure = Figure(figsize=(9.0, 8.0 * count / 3), layout="constrained")
+        axes = figure.subplots(count)
         for k, path in enumerate(p.flown):
             label = "flown" if k == 0 else None
             x, z = path[:, :2].T
@@ -202,7 +203,7 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
 
         for stop in p.place.limits.elevator:
             axes[1].axhline(np.degrees(stop), color="k", lw=0.9, ls=":")
-        for ax, (xlabel, ylabel) in zip(axes, labels, strict=True):
+        for ax, (xlabel, ylabel) in zip(axes, labels[:count], strict=True):
             ax.locator_params(nbins=5, steps=[1, 2, 5, 10])
             ax.set(xlabel=xlabel, ylabel=ylabel)
         entries = axes[0].get_legend_handles_labels()[1]
@@ -218,7 +219,7 @@ def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
     paths = p.paths[number]
     first = paths[0, :, :2]
     color = _COLORS[number % len(_COLORS)]
-    path_axes, tape_axes, apart_axes = axes
+    path_axes, tape_axes, *apart_axes = axes
     time = np.arange(paths.shape[1]) / p.place.pose_rate
 
     for e, path in enumerate(paths):
@@ -229,7 +230,8 @@ def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
         path_axes.plot(x, z, label=label, **style)
 
         apart = np.linalg.norm(path[:, :2] - first, axis=1)
-        apart_axes.plot(time, 1e3 * apart, **style)
+        for ax in apart_axes:
+            ax.plot(time, 1e3 * apart, **style)
 
     x, z = first[0]
     path_axes.plot(x, z, "o", color=color, ms=4)
