@@ -233,7 +233,7 @@ def test_the_servo_leaves_room_for_the_error(proven):
 
 def test_a_funnel_that_was_made_without_them_is_not_proven_with_them(piece):
     assert prove_interval(pushed(piece, 0.0, 0.0)).proven
-    assert not prove_interval(piece, 2000).proven
+    assert not prove_interval(piece).proven
     bare = dataclasses.replace(piece, push_weights=np.zeros((2, 2)))
     assert "a weight of the command" in prove_interval(bare).fault
 
