@@ -13,6 +13,10 @@ import numpy as np
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.physics.model import GliderModel
 
+_RESOLVED = 0.125
+"""Share of a range below which a departure is none: the spacing of the widest Gaussians
+of a free function, within which no function that flights show varies much."""
+
 
 def ranges_of(
     model: GliderModel, values: Mapping[str, np.ndarray]
@@ -37,6 +41,8 @@ def describe_departures(
 ) -> str:
     """Describes how far states are beyond what a model was traced on; empty if not.
 
+    Beyond is by more than an eighth of a variable's range.
+
     Args:
         model: with ranges, or without: then nothing is beyond.
         times: (K,) [s].
@@ -49,12 +55,11 @@ def describe_departures(
     beyond = []
     for name, (low, high) in model.flown.items():
         least, most = np.min(values[name]), np.max(values[name])
-        reached = f"{min(least, low):.3g}", f"{max(most, high):.3g}"
-        flown = f"{low:.3g}", f"{high:.3g}"
-        if reached != flown:  # By more than the digits that are shown.
+        slack = _RESOLVED * (high - low)
+        if least < low - slack or most > high + slack:
             beyond.append(
                 f"{name} from {least:z.3g} to {most:z.3g} {FLOW_UNITS[name]} (flown: "
-                f"{' to '.join(flown)})"
+                f"{low:.3g} to {high:.3g})"
             )
     return ", ".join(beyond)
 
