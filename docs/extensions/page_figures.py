@@ -196,7 +196,7 @@ def write_figures(app: Sphinx) -> None:
     assert residual is not None
     assert free is not None
     drawn: dict[str, Callable[[], Picture]] = {
-        "index": lambda: draw(make_flights(result), columns=4),
+        "index": lambda: draw(make_flights(result), columns=3),
         "how_it_works": lambda: draw(residual),
         "free_function": lambda: draw(free, columns=1),
         "funnels": draw_tube,
