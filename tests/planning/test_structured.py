@@ -38,7 +38,11 @@ BLOWN = GliderModel(
 )
 
 
-@pytest.mark.parametrize("model", [MODEL, LAGGING, BLOWN], ids=["flat", "lag", "field"])
+@pytest.mark.parametrize(
+    "model",
+    [MODEL, LAGGING, pytest.param(BLOWN, marks=pytest.mark.nightly)],
+    ids=["flat", "lag", "field"],
+)
 def test_a_plan_is_a_minimum_of_drake_s_own_program(model):
     found = plan(model, PROBLEM, knots=(15, 21))
     assert [a.solver for a in found.attempts] == ["interior point"] * 2

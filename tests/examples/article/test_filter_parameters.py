@@ -96,7 +96,7 @@ def test_the_filter_finds_both_numbers_in_a_cruise(cruise):
     np.testing.assert_allclose(covariances, np.swapaxes(covariances, 1, 2), atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_perch_tells_more_than_a_settled_cruise():
     rng = np.random.default_rng(0)
     perch = fly_perch(AHEAD, rng)
