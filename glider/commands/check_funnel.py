@@ -73,19 +73,19 @@ def run(args: argparse.Namespace) -> int:
     from glider.verification.funnel.file import read_file
 
     _check_options(args)
-    read_file(
-        args.funnel
-    )  # A fault of the file is said at once: imports take a second.
+    file = args.funnel, *read_file(args.funnel)
+
+    # These take a second to import: not before it is known that there is a funnel.
     from glider.files.schema import json_text
     from glider.physics.model import GliderModel, load_covariance
     from glider.planning.problem import PerchingProblem
     from glider.report.check_funnel import Checked, check_report, describe_check
-    from glider.verification.funnel.funnel import load_funnel
+    from glider.verification.funnel.funnel import funnel_of
     from glider.verification.proof.check import check_funnel
     from glider.verification.proof.latency import check_latency
     from glider.verification.proof.purpose import Purpose
 
-    funnel = load_funnel(args.funnel)
+    funnel = funnel_of(*file)
     model = GliderModel.load(args.model) if args.model else None
     problem = PerchingProblem.load(args.problem) if args.problem else PerchingProblem()
     covariance = load_covariance(args.model) if args.model else None

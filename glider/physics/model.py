@@ -281,12 +281,11 @@ class GliderModel:
 
 def _check_ranges(ranges: _Ranges) -> None:
     """Raises InputError where ranges are none."""
-    for name, (low, high) in ranges.items():
-        if name not in FLOW_UNITS or not -np.inf < low <= high < np.inf:
-            raise InputError(
-                f"flown: '{name}': found [{low:g}, {high:g}]; expected the least and "
-                f"the largest value of one of {', '.join(FLOW_UNITS)}."
-            )
+    expected = "the least and the largest value of one of " + ", ".join(FLOW_UNITS)
+    for name, ends in ranges.items():
+        numbers = np.array(ends, dtype=float) if np.size(ends) == 2 else np.array([])
+        fits = len(numbers) == 2 and -np.inf < numbers[0] <= numbers[1] < np.inf
+        expect(name in FLOW_UNITS and fits, f"flown: '{name}'", ends, expected)
 
 
 def _check_effects(effects: Any) -> None:

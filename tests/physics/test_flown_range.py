@@ -75,7 +75,14 @@ def test_a_file_keeps_them(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "flown", [{"alpha": (1.0, 0.0)}, {"alpha": (0.0, np.nan)}, {"angle": (0.0, 1.0)}]
+    "flown",
+    [
+        {"alpha": (1.0, 0.0)},
+        {"alpha": (0.0, np.nan)},
+        {"angle": (0.0, 1.0)},
+        {"alpha": 3.0},
+        {"alpha": (0.0, 1.0, 2.0)},
+    ],
 )
 def test_what_is_no_range_is_refused(flown):
     with pytest.raises(InputError, match="flown"):

@@ -18,6 +18,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -34,6 +35,17 @@ _Fields = dict[str, str]  # Fields of `frame:`.
 _Flight = tuple[np.ndarray, np.ndarray, np.ndarray]
 """At k rows, in the axes of the body as they are logged: flow |v| v and acceleration
 without gravity, (k, 3) each, and the direction that is up (k, 3)."""
+
+
+class _Flown(NamedTuple):
+    """Flights that frames are judged by, in the axes of the body as they are logged."""
+
+    flights: int  #: Their number.
+    flow: np.ndarray  #: (k, 3) of all rows.
+    force: np.ndarray  #: (k, 3)
+    path: np.ndarray  #: (3,) mean direction of flight.
+    above: np.ndarray  #: (3,) mean of the direction that is up.
+
 
 _GRAVITY = GliderParameters().gravity
 _UP = {"z": 0.45, "y": 0.25, "-z": 0.2, "-y": 0.05, "x": 0.025, "-x": 0.025}
@@ -87,14 +99,14 @@ def rank_frames(
                 continue
             tried.append(tracks)
             pieces = pieces or [_cut(track) for track in tracks]
-            flights = _fly_all(tracks, pieces)
-            if not flights:
+            flown = _fly_all(tracks, pieces)
+            if flown is None:
                 break
             is_known = tracks[0].rotation is None or "top" in reading
             for body in [_KNOWN_AXES] if is_known else _body_axes():
                 fields = {} if is_known else body
                 frames.append(world | reading | fields)
-                score = _judge(flights, up, body)
+                score = _judge(flown, up, body)
                 scores.append(score + math.log(prior * habit))
     if not frames:
         return []
@@ -110,8 +122,8 @@ def rank_orders(logs: Sequence[Recording], claims: Collection[Mapping]) -> list[
     for claim in claims:
         tracks = [make_track(log, claim) for log in logs]
         pieces = pieces or [_cut(track) for track in tracks]
-        flights = _fly_all(tracks, pieces)
-        scores.append(_judge(flights, "z", _KNOWN_AXES) if flights else 0.0)
+        flown = _fly_all(tracks, pieces)
+        scores.append(_judge(flown, "z", _KNOWN_AXES) if flown else 0.0)
     return scores
 
 
@@ -145,12 +157,19 @@ def _cut(track: Track) -> list[Track]:
 
 def _fly_all(
     tracks: Sequence[Track], pieces: Sequence[Sequence[Track]]
-) -> list[_Flight]:
-    """The flights that were cut out of recordings, as many as are judged."""
+) -> _Flown | None:
+    """The flights that were cut out of recordings, as many as are judged, if any."""
     found = []
     for track, own in zip(tracks, pieces, strict=True):
         found += [_fly(track, piece) for piece in own]
-    return found[:_MOST]
+    flights = found[:_MOST]
+    if not flights:
+        return None
+    flow, force, _ = map(np.concatenate, zip(*flights, strict=True))
+    ways = [np.sum(own, axis=0) for own, _, _ in flights]
+    path = np.mean([way / np.linalg.norm(way) for way in ways], axis=0)
+    above = np.mean([np.mean(own, axis=0) for _, _, own in flights], axis=0)
+    return _Flown(len(flights), flow, force, path, above)
 
 
 def _fly(track: Track, piece: Track) -> _Flight:
@@ -178,23 +197,19 @@ def _body_axes() -> Iterator[_Fields]:
             yield {"nose": nose, "top": top}
 
 
-def _judge(flights: Sequence[_Flight], up: str, axes: _Fields) -> float:
+def _judge(flown: _Flown, up: str, axes: _Fields) -> float:
     """Log probability of a frame with these axes of the body, up to a constant."""
     nose, top = axes["nose"], axes["top"]
     ahead = unit_vector(nose)
     over = unit_vector(top)
     left = np.cross(over, ahead)
     body = np.stack([ahead, left, over])
-    flow, force, _ = map(np.concatenate, zip(*flights, strict=True))
-    ways = [np.sum(own, axis=0) for own, _, _ in flights]
-    path = np.mean([way / np.linalg.norm(way) for way in ways], axis=0)
-    above = np.mean([np.mean(own, axis=0) for _, _, own in flights], axis=0)
     # Rows and flights repeat the errors of this model.
-    independent = _STEP / _MEMORY / len(flights)
-    score = independent * _explain(flow @ body.T, force @ body.T)
-    score += _TOWARD * (path @ ahead + above @ over)
-    score -= 0.5 * ((path @ left) ** 2 + (above @ left) ** 2) / _SIDEWAYS**2
-    score *= len(flights) / (1.0 + _SHARED * (len(flights) - 1))
+    independent = _STEP / _MEMORY / flown.flights
+    score = independent * _explain(flown.flow @ body.T, flown.force @ body.T)
+    score += _TOWARD * (flown.path @ ahead + flown.above @ over)
+    score -= 0.5 * ((flown.path @ left) ** 2 + (flown.above @ left) ** 2) / _SIDEWAYS**2
+    score *= flown.flights / (1.0 + _SHARED * (flown.flights - 1))
     # Bodies are often defined as they lie upright, or with x ahead.
     usual = 0.1 * (top == up) + 0.2 * (nose == "x" and top[-1] == "z") + 0.008
     return float(score) + math.log(usual)

@@ -115,14 +115,24 @@ def gliders_note(funnel: Funnel) -> GlidersNote | None:
     return GlidersNote(**known, level=funnel.allowed.level)
 
 
-@np.errstate(all="ignore")  # Numbers that overflow are for `check_funnel` to refuse.
 def load_funnel(path: Path | str) -> Funnel:
     """Loads a funnel; whether it is a certificate is for `check_funnel`.
 
     Raises:
         InputError: the file holds no funnel, or one of a time-varying glider.
     """
-    notes, arrays, sha256 = read_file(path)
+    return funnel_of(path, *read_file(path))
+
+
+@np.errstate(all="ignore")  # Numbers that overflow are for `check_funnel` to refuse.
+def funnel_of(
+    path: Path | str, notes: Notes, arrays: dict[str, np.ndarray], sha256: str
+) -> Funnel:
+    """Returns the funnel of a file that was read from a path.
+
+    Raises:
+        InputError: its glider can have no funnel.
+    """
     fault = f"{path}: not a funnel: its"
     model = parse_model(notes.model, f"{fault} glider")
     if model.is_time_varying:
