@@ -13,10 +13,9 @@ closed loop's Taylor polynomials in x̃ that holds at a time if, with a multipli
 `glider.funnels` alternates between multipliers, ρ and the shape, with the servo's
 limits inside, and lets the funnel end within reach of the wire. From here on S is
 divided by ρ, so that F = {V <= 1}. Then the certificate is checked in exact arithmetic,
-and flights of the full dynamics from the boundary, and from worse starts that they lead
-to, try to leave. A funnel that accounts for what the polynomials leave out
-(`FunnelSettings(remainder=1.1)`) is proven in continuous time by `glider check-funnel
-FILE --prove`.
+and flights of the full dynamics from the boundary try to leave. A funnel that accounts
+for what the polynomials leave out (`FunnelSettings(remainder=1.1)`) is proven in
+continuous time by `glider check-funnel FILE --prove`.
 
     python examples/article/funnel.py --figure funnel.png
 """
@@ -35,6 +34,7 @@ from course import (
     read_options,
     start,
 )
+from diagrams import plot_tube
 from glider import GliderModel, PerchingProblem, funnels, plan, tracking_policy
 from glider.report.plots.style import BLUE
 
@@ -48,7 +48,7 @@ ARTICLE = {
 }
 
 SAMPLES = 2000
-"""Flights from the boundary, before those that climb to worse starts."""
+"""Flights from the boundary, at several times."""
 
 SHOWN_FLIGHTS = 40
 
@@ -81,22 +81,6 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, str]:
     )
 
 
-def tube_of(funnel: funnels.Funnel) -> np.ndarray:
-    """Returns the edge of the positions that a funnel allows, (2 T, 2) of x, z [m].
-
-    The projection of {x̃ᵀ S x̃ <= 1} into the plane is the ellipse of S⁻¹ there.
-    """
-    times = funnel.nominal.times
-    along = funnel.nominal.path(times, 1)[:, :2]
-    along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    place = np.linalg.inv(funnel.shape(times))[:, :2, :2]
-    radii = np.sqrt(np.einsum("ki,kij,kj->k", across, place, across))
-    aside = radii[:, None] * across
-    center = funnel.nominal.states[:, :2]
-    return np.concatenate([center + aside, (center - aside)[::-1]])
-
-
 def draw(path: Path, funnel: funnels.Funnel, flights: np.ndarray) -> None:
     """Draws the tube with flights inside, and how wide it is over time."""
     times = funnel.nominal.times
@@ -108,14 +92,12 @@ def draw(path: Path, funnel: funnels.Funnel, flights: np.ndarray) -> None:
     )
     with picture(path, 9.0, 5.6) as figure:
         tube, *panels = figure.subplot_mosaic("AAA;BCD", height_ratios=[3, 2]).values()
-        tube.fill(
-            *tube_of(funnel).T, color=BLUE, alpha=0.25, lw=0, label="funnel, projected"
-        )
+        # The projection of {x̃ᵀ S x̃ <= 1} into the plane is the ellipse of S⁻¹ there.
+        plot_tube(tube, funnel)
         for k, flight in enumerate(flights):
             label = f"{len(flights)} flights" if k == 0 else None
             tube.plot(*flight[:, :2].T, color="k", lw=0.4, alpha=0.5, label=label)
         draw_wire(tube)
-        tube.set_aspect("equal", adjustable="datalim")
         legend_beside(tube)
         for ax, (name, width) in zip(panels, shown, strict=True):
             ax.plot(times, width, color=BLUE)

@@ -6,6 +6,7 @@ import pytest
 import funnel
 import tracking_lqr
 from collocation import GLIDER, LAUNCH, miss_of, plan_perch, replay
+from diagrams.tube import tube_of
 from glider import funnels
 from glider.paths import models_path
 from tests.helpers.flights import drake_gains, plan_of
@@ -64,9 +65,8 @@ def test_flights_with_feedback_perch():
 def test_the_tube_holds_the_flights_inside():
     """Each flight within the funnel stays between the edges of its tube."""
     given = funnels.load_funnel(models_path("funnels", "drawn.npz"))
-    edge = funnel.tube_of(given)
-    upper, lower = edge[: len(edge) // 2], edge[len(edge) // 2 :][::-1]
-    center = given.nominal.states[:, :2]
+    center, beside = tube_of(given, given.nominal.times)
+    upper, lower = center + beside, center - beside
     reach = np.linalg.norm(upper - center, axis=1)
     np.testing.assert_allclose(np.linalg.norm(lower - center, axis=1), reach)
     flights = funnels.fly_inside(given, 20, np.random.default_rng(0))
