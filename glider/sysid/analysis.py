@@ -16,7 +16,7 @@ from scipy.special import softmax
 from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
 from glider.campaign.checks.rates import SCALE
 from glider.campaign.checks.servo_fit import identify_servo
-from glider.campaign.logs import Campaign
+from glider.campaign.logs import Campaign, split_flights
 from glider.campaign.turning import Signs, turn_campaign
 from glider.compiled.warm_up import warm_up
 from glider.errors import InputError
@@ -25,6 +25,7 @@ from glider.physics.flown_range import ranges_of
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
 from glider.sysid.evaluation import Searched, SmoothedFlights, evaluate
+from glider.sysid.fit.session import begin_of_end, by_number
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
@@ -46,6 +47,8 @@ _SHARES = {
     "weigh": 0.98,
 }
 """Usual shares of the time when the stages begin, measured on the samples."""
+_ENOUGH = 8  # Flights after a change that are preferred to more before it (c).
+_FEWEST = 4  # Flights that are traced alone (c).
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -68,10 +71,74 @@ class Analysis:
         self.progress(Step(words or name, _SHARES[name]))
         begin = time.perf_counter()
         yield
-        self.seconds[name] = time.perf_counter() - begin
+        taken = time.perf_counter() - begin
+        self.seconds[name] = self.seconds.get(name, 0.0) + taken
 
     def run(self) -> result.Result:
-        """Runs all stages."""
+        """Runs all stages; where the glider changed, again on one part of the session.
+
+        That is the part after the change, if it has enough flights, or the longer one.
+        """
+        found = self._run()
+        words = [change.sentence for change in found.changes]
+        kept, gone, side = self._divided(found.changes)
+        if gone and len(kept) >= _FEWEST:
+            self.progress(f"{words[0]} Again on {len(kept)} flights")
+            again = self._on(kept)._run()
+            words += [change.sentence for change in again.changes]
+            words.append(
+                f"This report is of the {len(kept)} flights on the other side: the "
+                f"{len(gone)} {side} it are set aside (trace them with --flights)."
+            )
+            why = f"flown {side} the change at {found.changes[0].flight}"
+            rows = [ExcludedRows(file=name, rows=ALL, why=why) for name in gone]
+            found = dataclasses.replace(
+                again,
+                changes=(*found.changes, *again.changes),
+                set_aside=tuple(sorted([*again.set_aside, *rows], key=_file_of)),
+            )
+        elif found.changes and found.verdict == "no_effect":
+            words.append("No effect is found that is the same in all flights.")
+            return dataclasses.replace(
+                found, verdict="unexplained", reason=" ".join(words)
+            )
+
+        return dataclasses.replace(found, reason=" ".join([*words, found.reason]))
+
+    def _divided(
+        self, changes: Collection[result.Change]
+    ) -> tuple[list[str], list[str], str]:
+        """Names of the flights to trace, the others, and their side of a change."""
+        names = [flight.name for flight in self.inspection.campaign.flights]
+        names.sort(key=by_number)
+        for change in changes:
+            if change.flight:
+                at = names.index(change.flight)
+                before, after = names[:at], names[at:]
+                if len(after) >= min(_ENOUGH, len(before)):
+                    return after, before, "before"
+                return before, after, "after"
+
+        return names, [], ""
+
+    def _on(self, names: Collection[str]) -> "Analysis":
+        """The analysis of some of the flights alone."""
+        campaign = self.inspection.campaign
+        flights = tuple(f for f in campaign.flights if f.name in names)
+        campaign = dataclasses.replace(campaign, flights=flights)
+        seed = self.settings["seed"]
+        parts = split_flights(campaign, self.settings["held_out"], seed)
+        fitted, held_out = (tuple(flight.name for flight in part) for part in parts)
+        return dataclasses.replace(
+            self,
+            inspection=dataclasses.replace(self.inspection, campaign=campaign),
+            fitted=fitted,
+            held_out=held_out,
+            rng=np.random.default_rng(seed),
+        )
+
+    def _run(self) -> result.Result:
+        """Runs all stages once."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.space)
         flights = self._smooth()
@@ -128,6 +195,7 @@ class Analysis:
             reason=reason,
             effects=effects,
             **evaluated,
+            changes=() if tests.change is None else (tests.change,),
             evidence_threshold=traced.threshold,
             air=result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
             spreads=spreads,
@@ -137,7 +205,7 @@ class Analysis:
             alternatives=alternatives,
             covariance=covariance,
             warnings=tuple(self._warnings(found, flown)),
-            set_aside=tuple(sorted(rows, key=lambda s: s.file)),
+            set_aside=tuple(sorted(rows, key=_file_of)),
             noise=result.MeasurementNoise(flights.noise.position, flights.noise.pitch),
             log_findings=self.inspection.warnings + flights.findings,
             own_effects=tuple(space.kinds[n] for n in self.settings["own_effects"]),
@@ -225,12 +293,23 @@ class Analysis:
                 "those that were tried."
             )
 
+        names = [flight.name for flight in self.inspection.campaign.flights]
+        if (first := begin_of_end(names, found.outlying)) is not None:
+            yield (
+                f"the {len(found.outlying)} flights that stand out are next to each "
+                f"other at one end of the session: did the glider change at {first}?"
+            )
+
         for name in self.held_out:
             if name not in found.outlying and name not in flown:
                 yield (
                     f"{name}: every model diverges on this held-out flight; it is "
                     "excluded from the errors."
                 )
+
+
+def _file_of(rows: ExcludedRows) -> str:
+    return rows.file
 
 
 def _with_ranges(

@@ -70,6 +70,28 @@ class Spread:
     values: dict[str, Number]
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Change:
+    """A change of the glider, or of its log, during the session."""
+
+    kind: str  #: Of the effect of which a coefficient changes.
+    coefficient: str
+    unit: str
+    value: Number  #: By how much: from the flight on, or from the first to the last.
+    std: Number  #: Its standard error.
+    flight: str  #: From which on it is changed; empty where it drifts.
+
+    @property
+    def sentence(self) -> str:
+        """What changes, by how much and when."""
+        unit = "" if self.unit == "-" else f" {self.unit}"
+        size = f"{self.value:+.3g} ± {self.std:.1g}{unit}"
+        what = f"'{self.coefficient}' of {self.kind}"
+        if self.flight:
+            return f"From {self.flight} on {what} is changed by {size}."
+        return f"{what} drifts by {size} from the first flight to the last."
+
+
 @dataclasses.dataclass(frozen=True)
 class Air:
     """Turbulence in x and in z; an error of the model looks like moving air too."""
@@ -180,6 +202,7 @@ class Report:
     errors: dict[str, Errors | None]  #: By model; None of one that there is not.
     evidence_threshold: Number  #: Evidence of an effect beside others, at least [nats].
     left: Residual
+    changes: tuple[Change, ...] = ()  #: During the session, found one after the other.
     air: Air
     spreads: dict[str, Spread]  #: Flight-to-flight variations, by name.
     vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.

@@ -14,10 +14,12 @@ from scipy.special import stdtrit
 from glider.physics.confidence import LEVEL
 from glider.sysid.constants import CLEAR, FOLDS, RIVAL_GAP
 from glider.sysid.fit.prediction import near_median
+from glider.sysid.fit.session import find_change
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.information import counted_from, solve_scaled
 from glider.sysid.likelihood.model_fit import error_flights, in_surroundings
 from glider.sysid.likelihood.task import FitResult, Task
+from glider.sysid.result import Change
 from glider.sysid.search.subsets import Members, Scorer, climb, columns_of, scorer_of
 from glider.sysid.search.tracing import without_late
 
@@ -57,6 +59,7 @@ class HeldOut(NamedTuple):
     gains: dict[str, Gains]  #: Of the corrected model over each other one, by name.
     chosen: list[set[str]]  #: Effects that are found without each part of the flights.
     alike: dict[str, set[str]]  #: Of each effect, what would do as well in its place.
+    change: Change | None  #: Of the glider, that their order shows.
 
     def inclusion(self, kind: str) -> float:
         """Returns the share of the parts without which an effect is found."""
@@ -102,7 +105,9 @@ def hold_out(
         lost = other.costs(parts, [every] * len(parts))
         gains[name] = Gains(values=lost - costs)
 
-    return HeldOut(gains, chosen, alike)
+    [of_orders] = rng.spawn(1)
+    change = find_change(linear.candidates, linear.grams, linear.prior, of_orders)
+    return HeldOut(gains, chosen, alike, change)
 
 
 def _near(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[str]]]:

@@ -1,0 +1,134 @@
+"""A change during a session is found by the flights' order, and nothing without one."""
+
+import dataclasses
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glider import close_the_loop
+from glider.campaign.logs import Campaign
+from glider.physics.effects import ELEVATOR_TRIM, MASS, EffectKind
+from glider.physics.model import GliderModel
+from glider.simulation.campaigns import CampaignPlan
+from glider.sysid.fit.session import begin_of_end, by_number, find_change
+from glider.sysid.replay.log_space import log_space
+from glider.sysid.result import Change
+
+ROWS = 40  # Of each flight.
+
+
+def changed(shares: np.ndarray, seed: int = 0, scatter: float = 0.0) -> Change | None:
+    """What is found in flights of which the second coefficient has such shares.
+
+    It is that of the elevator's trim; the first, of the mass, is the same in all.
+    """
+    rng = np.random.default_rng(seed)
+    space = log_space(())
+    slots = [space.slots_of(kind.kind)[0] for kind in (MASS, ELEVATOR_TRIM)]
+    grams = []
+    for share in shares:
+        columns = rng.normal(size=(ROWS, 2)) * 100.0
+        truth = 0.01, 0.05 * (share + scatter * rng.normal())
+        errors = columns @ truth + rng.normal(size=ROWS)
+        rows = np.column_stack([columns, errors])
+        grams.append(rows.T @ rows)
+
+    names = [f"flight_{i}.csv" for i in range(len(shares))]
+    in_files = np.argsort(names)  # 10 comes before 2 there.
+    records = [SimpleNamespace(name=names[i]) for i in in_files]
+    candidates: Any = SimpleNamespace(
+        task=SimpleNamespace(space=space, records=records),
+        model=SimpleNamespace(kinds=()),
+        variants={"mass": ((0,),), "elevator_trim": ((1,),)},
+        slots=slots,
+        directions=[SimpleNamespace(kind=kind.kind) for kind in (MASS, ELEVATOR_TRIM)],
+        always=[],
+    )
+    prior: Any = SimpleNamespace(precision=np.ones(2))
+    ordered = np.array(grams)[in_files]
+    return find_change(candidates, ordered, prior, np.random.default_rng(1))
+
+
+@pytest.mark.parametrize("at", [2, 6, 11])
+def test_a_break_is_dated(at: int) -> None:
+    found = changed(np.arange(13) >= at)
+    assert found is not None
+    assert (found.kind, found.coefficient) == ("elevator_trim", "angle")
+    assert found.flight == f"flight_{at}.csv"
+    assert abs(found.value - 0.05) < 4.0 * found.std
+
+
+def test_a_drift_is_no_break() -> None:
+    found = changed(np.linspace(-0.5, 0.5, 14))
+    assert found is not None and found.flight == ""
+    assert abs(found.value - 0.05) < 4.0 * found.std
+    assert "drifts" in found.sentence
+
+
+def test_scatter_over_flights_is_no_change() -> None:
+    found = [changed(np.zeros(12), seed, scatter=1.0) for seed in range(100)]
+    assert not any(found)
+
+
+def test_a_single_flight_is_an_outlier() -> None:
+    assert changed(np.arange(9) == 8) is None
+
+
+def test_a_change_too_small_to_report_is_left_out() -> None:
+    assert changed(0.01 * (np.arange(12) >= 6)) is None
+
+
+def test_flights_are_ordered_by_their_numbers() -> None:
+    names = ["b_10.csv", "b_9.csv", "a.csv"]
+    assert sorted(names, key=by_number) == ["a.csv", "b_9.csv", "b_10.csv"]
+
+
+@pytest.mark.parametrize(
+    ("some", "expected"),
+    [({"8", "9"}, "8"), ({"0", "1", "2"}, "3"), ({"9"}, None), ({"3", "9"}, None)],
+)
+def test_where_outliers_at_one_end_meet_the_others(
+    some: set[str], expected: str | None
+) -> None:
+    assert begin_of_end(map(str, range(10)), some) == expected
+
+
+def session(effect: EffectKind, sizes: np.ndarray, seed: int) -> Campaign:
+    """A campaign of as many flights as sizes of an effect, with each in turn."""
+    rng = np.random.default_rng(seed)
+    [coefficient] = effect.coefficients
+    flights = []
+    for i, size in enumerate(sizes):
+        model = GliderModel(effects=(effect(**{coefficient.name: size}),))
+        one = CampaignPlan(flights=1).simulate(model, rng)
+        name = f"flight_{i:03d}.csv"
+        flights.append(dataclasses.replace(one.flights[0], name=name))
+
+    return dataclasses.replace(one, flights=tuple(flights))
+
+
+@pytest.mark.slow
+def test_a_lighter_glider_is_traced_alone() -> None:
+    sizes = 0.1 * (np.arange(18) >= 8)
+    result = close_the_loop(session(MASS, sizes, 3))
+    assert [change.flight for change in result.changes] == ["flight_008.csv"]
+    assert result.changes[0].kind == "mass"
+    assert result.verdict == "effect_found"
+    [found] = result.effects
+    mass = found.coefficients["change"]
+    assert found.kind == "mass" and abs(mass.value - 0.1) < 4.0 * mass.std
+    aside = [rows.file for rows in result.set_aside]
+    assert aside == [f"flight_{i:03d}.csv" for i in range(8)]
+    assert result.reason.startswith("From flight_008.csv on 'change' of mass")
+
+
+@pytest.mark.slow
+def test_a_drift_is_not_called_noise() -> None:
+    sizes = np.linspace(-0.03, 0.03, 14)
+    result = close_the_loop(session(ELEVATOR_TRIM, sizes, 4))
+    [change] = result.changes
+    assert (change.kind, change.flight) == ("elevator_trim", "")
+    assert abs(change.value - 0.06) < 4.0 * change.std
+    assert result.verdict == "unexplained"
