@@ -114,7 +114,9 @@ def place(tmp_path_factory):
     demo = f"make demo VENV={place.bin.parent} PYTHON={python}"
     place.run(demo, ROOT)
     wheels = place.folder.parent / "wheels"
-    place.run(f"{python} -m pip wheel -qq --no-deps --wheel-dir {wheels} .", ROOT)
+    place.run("python -m pip install -qq build")
+    # The wheel is built from the sdist, so that both are tried.
+    place.run(f"python -m build --outdir {wheels} {shlex.quote(str(ROOT))}")
     again = "python -m pip install -qq --no-deps --force-reinstall"
     place.run(f"{again} {wheels}/*.whl")
     place.run("glider samples attached_lift --out sample")
