@@ -16,9 +16,17 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import (
+    Diagram,
+    InputPort,
+    InputPortIndex,
+    OutputPort,
+    OutputPortIndex,
+)
 
 from diagrams import closed_loop, estimated_loop
+from diagrams.programs.station.controllers import make_guidance
+from diagrams.programs.station.scenario import Scenario
 from glider import (
     ExtendedKalmanFilter,
     GliderModel,
@@ -31,6 +39,9 @@ DOCS = Path(__file__).parents[1]
 
 WIDTH, HEIGHT = 2.1, 0.9
 """Size of a box."""
+
+OUTSIDE = "station"
+"""Box that the ports of a diagram connect to, where a layout has it."""
 
 
 def picture_of(name: str) -> Path:
@@ -69,8 +80,14 @@ def filtered_loop() -> Diagram:
     return estimated_loop(model, regulator, estimator, command_rate=50.0)
 
 
+def station_autopilot() -> Diagram:
+    """Builds what the station of a lab flies."""
+    return make_guidance(Scenario()).autopilot
+
+
 DIAGRAMS: dict[str, Callable[[], Diagram]] = {
     "drake_diagram": diagram_of_page,
+    "autopilot": station_autopilot,
     "closed_loop": sampled_loop,
     "estimated_loop": filtered_loop,
 }
@@ -87,20 +104,39 @@ def box_of(name: str) -> str:
 
 
 def connections_of(diagram: Diagram) -> dict[tuple[str, str], str]:
-    """Maps two boxes to the names and sizes of the outputs that connect them."""
+    """Maps two boxes to the names and sizes of the ports that connect them.
+
+    The diagram's own ports are of the box OUTSIDE.
+    """
     found: dict[tuple[str, str], set[str]] = defaultdict(set)
     for (reader, _), (system, index) in diagram.connection_map().items():
         port = system.get_output_port(index)
         pair = (box_of(system.get_name()), box_of(reader.get_name()))
         if pair[0] != pair[1]:
-            found[pair].add(f"{port.get_name()} ({port.size()})")
+            found[pair].add(_words_of(port))
+    for i in range(diagram.num_input_ports()):
+        port = diagram.get_input_port(i)
+        for system, _ in diagram.GetInputPortLocators(InputPortIndex(i)):
+            found[OUTSIDE, box_of(system.get_name())].add(_words_of(port))
+    for i in range(diagram.num_output_ports()):
+        port = diagram.get_output_port(i)
+        system, _ = diagram.get_output_port_locator(OutputPortIndex(i))
+        found[box_of(system.get_name()), OUTSIDE].add(_words_of(port))
     return {pair: "\n".join(sorted(ports)) for pair, ports in found.items()}
+
+
+def _words_of(port: InputPort | OutputPort) -> str:
+    return f"{port.get_name()} ({port.size()})"
 
 
 def draw(diagram: Diagram, layout: Layout) -> Figure:
     """Draws a diagram; LookupError where the layout is that of another."""
     boxes = {box_of(system.get_name()) for system in diagram.GetSystems()}
     connections = connections_of(diagram)
+    if OUTSIDE in layout.boxes:
+        boxes.add(OUTSIDE)
+    else:
+        connections = {p: w for p, w in connections.items() if OUTSIDE not in p}
     if boxes != set(layout.boxes) or set(connections) != set(layout.routes):
         raise LookupError(f"The layout is not that of {boxes}, {set(connections)}.")
     figure = Figure(figsize=layout.size, layout="constrained")

@@ -19,6 +19,33 @@ class Layout:
 
 
 LAYOUTS = {
+    "autopilot": Layout(
+        boxes={
+            "station": (0.0, 0.0, "poses in, commands out"),
+            "tracker": (5.5, 0.0, "PoseTracker"),
+            "controller": (9.5, 0.0, "tracking_regulator"),
+        },
+        routes={
+            ("station", "tracker"): [(1.05, 0.15), (4.45, 0.15)],
+            ("tracker", "station"): [(4.45, -0.2), (1.05, -0.2)],
+            ("tracker", "controller"): [(6.55, 0.0), (8.45, 0.0)],
+            ("controller", "station"): [
+                (9.5, -0.45),
+                (9.5, -1.5),
+                (0.0, -1.5),
+                (0.0, -0.45),
+            ],
+        },
+        labels={
+            ("station", "tracker"): (2.75, 0.55, "center"),
+            ("tracker", "station"): (2.75, -0.75, "center"),
+            ("tracker", "controller"): (7.5, 0.22, "center"),
+            ("controller", "station"): (7.0, -1.28, "center"),
+        },
+        size=(8.2, 2.2),
+        x_limits=(-1.3, 10.8),
+        y_limits=(-1.8, 1.1),
+    ),
     "drake_diagram": Layout(
         boxes={
             "regulator": (0.0, 0.0, "tracking_regulator"),

@@ -89,7 +89,9 @@ def test_the_glider_is_drawn_as_its_command_draws_it(extension):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["drake_diagram", "closed_loop", "estimated_loop"])
+@pytest.mark.parametrize(
+    "name", ["drake_diagram", "closed_loop", "estimated_loop", "autopilot"]
+)
 def test_a_block_diagram_is_that_of_its_systems(extension, name):
     drawing = extension("block_diagram")
     figure = drawing.draw(drawing.DIAGRAMS[name](), drawing.LAYOUTS[name])
