@@ -192,7 +192,7 @@ class Analysis:
             flights=flights_of,
             knows_forces=self.vehicle.knows_forces,
             verdict=verdict,
-            reason=reason,
+            reason=reason + self._about_outlying(found.outlying),
             effects=effects,
             **evaluated,
             changes=() if tests.change is None else (tests.change,),
@@ -282,6 +282,20 @@ class Analysis:
             )
         return everything.on(kept), everything.on(fitted)
 
+    def _about_outlying(self, outlying: Collection[str]) -> str:
+        """Returns the sentence on flights that stand out; empty without any."""
+        if not outlying:
+            return ""
+        names = [flight.name for flight in self.inspection.campaign.flights]
+        sentence = (
+            f" {len(outlying)} of {len(names)} flights are set aside, as no model "
+            f"explains them with the others: {', '.join(sorted(outlying))}"
+        )
+        first = begin_of_end(names, outlying)
+        if first is None:
+            return f"{sentence}."
+        return f"{sentence}. Did the glider change at {first}?"
+
     def _warnings(self, found: Searched, flown: Collection[str]) -> Iterator[str]:
         """Yields sentences about what limits the result."""
         if (tried := self.settings["effects"]) is not None:
@@ -291,13 +305,6 @@ class Analysis:
                 f"only {', '.join(tried)} {were} tried; {others} other effects were "
                 "omitted and cannot be found, and their influence may be attributed to "
                 "those that were tried."
-            )
-
-        names = [flight.name for flight in self.inspection.campaign.flights]
-        if (first := begin_of_end(names, found.outlying)) is not None:
-            yield (
-                f"the {len(found.outlying)} flights that stand out are next to each "
-                f"other at one end of the session: did the glider change at {first}?"
             )
 
         for name in self.held_out:
