@@ -114,7 +114,7 @@ def build(truth, model):
     estimator = builder.AddNamedSystem("estimator", ExtendedKalmanFilter(ekf, prior))
     regulator = builder.AddNamedSystem("regulator", tracking_regulator(model, planned))
     hold = builder.AddNamedSystem("hold", ZeroOrderHold(period, 1))
-    servo = builder.AddNamedSystem("servo", ElevatorServo(model))
+    servo = builder.AddNamedSystem("servo", ElevatorServo(truth))
 
     state = glider.GetOutputPort("state")
     measured = cameras.GetOutputPort("measured")
@@ -163,8 +163,9 @@ def fly(diagram, logs, launch, duration, rng):
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
     glider = diagram.GetSubsystemByName("glider")
+    start = glider.model.initial_state(launch)
     cameras = diagram.GetSubsystemByName("cameras")
-    glider.GetMyMutableContextFromRoot(context).SetContinuousState(launch)
+    glider.GetMyMutableContextFromRoot(context).SetContinuousState(start)
     noise = rng.normal(size=(200, 3)) * [0.001, 0.001, 0.0025]  # [m, m, rad]
     cameras.set_tape(cameras.GetMyMutableContextFromRoot(context), noise)
     simulator.AdvanceTo(duration)
