@@ -3,6 +3,7 @@
 import numpy as np
 from pydrake.planning import DirectCollocation
 
+from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
 from glider.physics.state import NUM_STATES
 from glider.planning.constraints import check_plannable, constraints_of
@@ -32,6 +33,7 @@ def perching_program(
     model = as_model(model)
     problem = PerchingProblem() if problem is None else problem
     check_plannable(model, problem)
+    expect(knots >= 2, "perching_program: 'knots'", knots, "2 or more")
     constraints = constraints_of(problem, model.parameters.servo)
     plant = GliderPlant(model)
     shortest = constraints.duration.low / knots

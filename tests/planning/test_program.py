@@ -5,6 +5,7 @@ import pytest
 from pydrake.solvers import IpoptSolver, SnoptSolver
 
 from glider import GliderModel, PerchingProblem, perching_program
+from glider.errors import InputError
 
 
 @pytest.mark.parametrize("solver", [SnoptSolver, IpoptSolver])
@@ -59,3 +60,8 @@ def test_its_guess_is_a_straight_line():
     dc = perching_program(GliderModel(), PerchingProblem(), knots=5)
     guess = dc.prog().GetInitialGuess(dc.state(2))
     np.testing.assert_allclose(guess[:2], [-1.75, 0.05], atol=1e-12)
+
+
+def test_one_knot_is_refused():
+    with pytest.raises(InputError, match="'knots' is 1; expected 2 or more"):
+        perching_program(GliderModel(), knots=1)

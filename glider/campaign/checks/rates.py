@@ -17,6 +17,7 @@ SCALE = "Scale:"
 
 _OFF = 0.02
 """Share by which a rate may be off: times are rounded, commands show a row later."""
+_MORE = 1.1  # Times as often as they come, at most, as stamps jitter.
 _FEWEST = 30  # Intervals that a rate is taken from, at least.
 _MOST_TICKS = 3  # Ticks in an interval: beyond, a rate that is off has lost count.
 
@@ -24,8 +25,10 @@ _MOST_TICKS = 3  # Ticks in an interval: beyond, a rate that is off has lost cou
 def check_rates(campaign: Campaign) -> tuple[str, ...]:
     """Warns where rows do not come at the campaign's pose_rate.
 
-    Refuses commands that are off by the same share: the clock of the log is wrong.
+    Refuses commands that are off by the same share: the clock of the log is wrong. And
+    those that change more often than they come: a servo never got them.
     """
+    _refuse_fast_commands(campaign)
     if campaign.pose_rate is None:
         return ()
     times = [flight.time for flight in campaign.flights]
@@ -50,6 +53,25 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
                 f"in seconds (it runs {rows:.3g} times too fast), or the true rates."
             )
     return (f"The {words}: is the clock of 'time' right?",)
+
+
+def _refuse_fast_commands(campaign: Campaign) -> None:
+    """Refuses a campaign whose commands change more often than its command_rate."""
+    rate = campaign.command_rate
+    if rate is None or campaign.elevator != "servo":
+        return
+    changes = []
+    for flight in campaign.flights:
+        count = np.count_nonzero(np.diff(np.asarray(flight.command)))
+        duration = float(flight.time[-1] - flight.time[0])
+        changes.append((count - 1) / max(duration, 1.0 / rate))
+    usual = float(np.median(changes))
+    if usual > _MORE * rate:
+        raise InputError(
+            f"{campaign.path}: column 'elevator_rate_command' changes {usual:.3g} "
+            f"times a second; expected {rate:.4g} at most, as field 'command_rate' says "
+            "(log what the servo gets, not what a controller asks in between)."
+        )
 
 
 def _calc_pace(clocks: Sequence[np.ndarray], rate: float) -> float:

@@ -51,3 +51,17 @@ def test_rows_that_are_missing_or_left_out_pass(campaign):
     rng = np.random.default_rng(0)
     for edit in (b.lose_some(0.2, rng), b.thin(2)):
         assert check_rates(b.change(campaign, edit)) == ()
+
+
+def test_commands_that_no_servo_got_are_refused(campaign):
+    rng = np.random.default_rng(0)
+
+    def asked(flight):
+        command = flight.command + 0.1 * rng.normal(size=len(flight.time))
+        return dataclasses.replace(flight, command=command)
+
+    flights = tuple(asked(flight) for flight in campaign.flights)
+    told = dataclasses.replace(campaign, flights=flights)
+    with pytest.raises(InputError, match=r"changes 119 times a second; expected 50"):
+        check_rates(told)
+    check_rates(dataclasses.replace(told, command_rate=None))
