@@ -48,7 +48,6 @@ myst_substitutions = {
     "block_threshold": f"{constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP:.0f}",
     "followed": f"{constants.FOLLOWED}",
     "folds": f"{constants.FOLDS}",
-    "gain_error": f"{constants.GAIN_ERROR:.0%}",
     "slight": f"{100 * constants.SLIGHT:.0f} %",
     "mostly": f"{100 * constants.MOSTLY:.0f} %",
     "explained": f"{100 * constants.EXPLAINED:.0f} %",

@@ -51,25 +51,18 @@ def compare(first: Report, second: Report) -> Comparison:
     a = _values(first)
     b = _values(second)
     names = dict.fromkeys((*a, *b))
-    differences = []
-    compared = []
-    for name in names:
-        difference = _difference(name, a.get(name), b.get(name))
-        differences.append(difference)
-        if math.isfinite(difference.z):
-            compared.append(abs(difference.z))
-    probability = _FALSE_ALARM / max(len(compared), 1)
-    most = -float(ndtri(0.5 * probability))
+    differences = [_difference(name, a.get(name), b.get(name)) for name in names]
+    compared = [abs(d.z) for d in differences if math.isfinite(d.z)]
+    most = -float(ndtri(0.5 * _FALSE_ALARM / max(len(compared), 1)))
     changed = sum(z > most for z in compared)
-    values = counted(compared, "value")
-    words = [f"{changed} of {values} changed beyond {most:.1f} σ."]
+    summary = f"{changed} of {counted(compared, 'value')} changed beyond {most:.1f} σ."
     for letter, report in (("A", first), ("B", second)):
         if report.verdict in ("not_trusted", "unexplained"):
-            words.append(
-                f"The verdict on {letter} is {name_of(report.verdict)}: its "
+            summary += (
+                f" The verdict on {letter} is {name_of(report.verdict)}: its "
                 "coefficients may stand for something else."
             )
-    summary = " ".join(words)
+
     return Comparison(
         summary=summary, z_significant=most, differences=tuple(differences)
     )
@@ -85,27 +78,24 @@ def _difference(
         change = Estimate(second.value - first.value, std, first.unit)
         if std > 0.0:
             z = change.value / std
+
     return _Difference(name=name, first=first, second=second, change=change, z=z)
 
 
 def _values(report: Report) -> dict[str, Estimate]:
-    """Estimates of a report by name.
-
-    A standard deviation over n flights has its own standard error, s / √(2 (n - 1)).
-    """
+    """Estimates of a report by name."""
     values = {}
     for effect in report.effects:
         for name, coefficient in effect.coefficients.items():
             values[f"{effect.kind}.{name}"] = coefficient
+
     for name, spread in report.spreads.items():
-        count = sum(math.isfinite(value) for value in spread.values.values())
-        error = math.nan
-        if count > 1:
-            error = spread.std / math.sqrt(2.0 * (count - 1))
-        estimate = Estimate(spread.std, error, spread.unit)
+        estimate = Estimate(spread.std, spread.std_error, spread.unit)
         values[f"{name}, from flight to flight"] = estimate
+
     for name, estimate in report.vehicle.items():
         values[f"vehicle.{name}"] = estimate
+
     return values
 
 
@@ -117,6 +107,7 @@ def print_comparison(
     for letter, report in (("A", first), ("B", second)):
         flights = counted(report.flights.fit, "flight")
         write(f"{letter}: {report.campaign}, {flights}")
+
     write(comparison.summary, "bold")
     write()
     table = make_table("", "A", "B", "change", "σ", "")
@@ -126,7 +117,9 @@ def print_comparison(
         if comparison.is_significant(difference):
             cells[-1] = "*"
             style = "bold"
+
         table.add_row(*(Text(cell, style) for cell in cells))
+
     console.print(table)
     write(
         "σ: change divided by its standard error; * marks what chance cannot explain."
@@ -135,26 +128,21 @@ def print_comparison(
 
 def _cells(difference: _Difference) -> list[str]:
     """Name, both numbers, their change, that over its standard error, and a mark."""
-    first = difference.first
-    second = difference.second
+    known = difference.first or difference.second
+    unit = known.unit if known else ""
     name = name_of(difference.name)
-    known = first or second
-    if known and known.unit not in ("", "-"):
-        name = f"{name} [{known.unit}]"
-    change = numbers.MISSING
-    if difference.change:
-        text = _without_unit(difference.change)
-        change, _, _ = text.partition(" ±")
-        if not change.startswith(("-", "(-")):
-            change = f"+{change}"
-    sigmas = numbers.MISSING
-    if math.isfinite(difference.z):
-        sigmas = f"{difference.z:+,.1f}"
-    return [name, _without_unit(first), _without_unit(second), change, sigmas, ""]
+    if unit not in ("", "-"):
+        name = f"{name} [{unit}]"
+    change, _, _ = _without_unit(difference.change).partition(" ±")
+    if difference.change and not change.startswith("-"):
+        change = f"+{change}"
+    z = difference.z
+    sigmas = f"{z:+,.1f}" if math.isfinite(z) else numbers.MISSING
+    first = _without_unit(difference.first)
+    return [name, first, _without_unit(difference.second), change, sigmas, ""]
 
 
 def _without_unit(estimate: Estimate | None) -> str:
     if estimate is None:
         return numbers.MISSING
-    plain = dataclasses.replace(estimate, unit="")
-    return numbers.format_estimate(plain)
+    return numbers.format_estimate(dataclasses.replace(estimate, unit=""))

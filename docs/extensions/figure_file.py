@@ -125,8 +125,7 @@ def _draw_mark(mark: spec.Mark, axes: Axes, color: str) -> None:
             style = "dotted" if mark.is_dotted else "solid"
             axes.axhline(mark.value, color=color, lw=0.8, ls=style)
         case spec.Ground():
-            span = axes.axvspan if mark.along == "x" else axes.axhspan
-            span(mark.start, mark.end, color=color, alpha=0.14, lw=0.0)
+            axes.axvspan(mark.start, mark.end, color=color, alpha=0.14, lw=0.0)
         case spec.Band():
             axes.fill_between(
                 mark.x, mark.low, mark.high, color=color, alpha=0.17, lw=0.0
@@ -139,7 +138,6 @@ def _draw_mark(mark: spec.Mark, axes: Axes, color: str) -> None:
                 mark.x,
                 mark.y,
                 color=color,
-                alpha=mark.opacity,
                 lw=width,
                 ls=style,
                 marker=dot,

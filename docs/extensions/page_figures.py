@@ -23,7 +23,7 @@ from glider.report.flight_figures import flight_panels, shown_flights
 from glider.report.import_figure import save_import_figure
 from glider.report.model_figures import free_functions_figure, residual_figure
 from glider.report.plots.figure import Figure
-from glider.report.plots.style import COLORS, LABELS, STYLE
+from glider.report.plots.style import COLORS, STYLE
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import Result
 from glider.verification.funnel.funnel import load_funnel
@@ -47,7 +47,7 @@ def make_flights(result: Result) -> Figure:
     """Held-out flights beside the models before and after."""
     panels = [flight_panels(flight)[0] for flight in shown_flights(result)]
     return Figure(
-        keys={key: LABELS[key] for key in SHOWN},
+        keys={key: key for key in SHOWN},
         panels=[
             dataclasses.replace(
                 panel, marks=[m for m in panel.marks if m.key in (*SHOWN, "fitted")]

@@ -16,7 +16,7 @@ from glider.physics.effects import LIBRARY, Coefficient, Effect, EffectKind
 from glider.physics.model import GliderModel
 from glider.report.model_figures import RESIDUALS, residual_panel
 from glider.report.plots.figure import Figure
-from glider.report.plots.style import COLORS, LABELS, STYLE
+from glider.report.plots.style import COLORS, STYLE
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.replay.log_space import LIBRARY_SPACE, vector_of
 from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
@@ -143,7 +143,7 @@ def draw(signature: Signature) -> bytes:
     """Draws the three residuals over the variable that they vary with most, as PNG."""
     tables = {"nominal": signature.without, "corrected": signature.known}
     figure = Figure(
-        keys={key: LABELS[key] for key in tables},
+        keys={key: key for key in tables},
         panels=[
             residual_panel(tables, signature.variable, column)
             for column in range(len(RESIDUALS))

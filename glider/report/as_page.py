@@ -1,7 +1,6 @@
 """Pages with figures: the data of these, which `static/page.js` draws with plotly.js.
 
-Numbers have five digits. What several panels show is written once: "#3" is the page's
-column of numbers 3.
+Numbers have five digits.
 """
 
 import dataclasses
@@ -20,8 +19,6 @@ from glider.report.plots.style import INKS
 from glider.report.wording import TEMPLATES
 
 STATIC = Path(__file__).parent / "static"
-
-_SHORT = 8  # Numbers up to which a column is written where it stands.
 
 
 def render_page(
@@ -51,10 +48,8 @@ def color_style() -> Markup:
 
 
 def page_data(figures: Mapping[str, spec.Figure]) -> dict[str, Any]:
-    """Data of a page's figures, with the columns that they share."""
-    columns = _Columns()
-    found = {name: columns.packed(figure) for name, figure in figures.items()}
-    return {"figures": found, "columns": columns.values}
+    """Data of a page's figures."""
+    return {"figures": {name: _packed(figure) for name, figure in figures.items()}}
 
 
 def with_contents(page: str) -> Markup:
@@ -85,36 +80,18 @@ def _static(name: str) -> Markup:
     return Markup((STATIC / name).read_text(encoding="utf-8"))
 
 
-class _Columns:
-    """Numbers of a page, each column once."""
-
-    def __init__(self) -> None:
-        self.values: list[np.ndarray] = []
-        self._places: dict[tuple[str, bytes], str] = {}
-
-    def packed(self, value: Any) -> Any:
-        """A part of a figure as JSON has it, with references to its columns."""
-        if isinstance(value, np.ndarray):
-            return self._add(value)
-        if isinstance(value, (list, tuple)):
-            return [self.packed(part) for part in value]
-        if not dataclasses.is_dataclass(value):
-            return value
-        names = [field.name for field in dataclasses.fields(value)]
-        names += [name for name in _DERIVED if hasattr(value, name)]
-        parts = {name: self.packed(getattr(value, name)) for name in names}
-        return {"is": type(value).__name__, **parts}
-
-    def _add(self, values: np.ndarray) -> np.ndarray | str:
-        """A column's reference; the column itself where it is short."""
-        values = values if values.dtype.kind in "iu" else rounded(values)
-        if len(values) <= _SHORT:
-            return values
-        key = values.dtype.kind, values.tobytes()
-        if key not in self._places:
-            self._places[key] = f"#{len(self.values)}"
-            self.values.append(values)
-        return self._places[key]
+def _packed(value: Any) -> Any:
+    """A part of a figure as JSON has it."""
+    if isinstance(value, np.ndarray):
+        return value if value.dtype.kind in "iu" else rounded(value)
+    if isinstance(value, (list, tuple)):
+        return [_packed(part) for part in value]
+    if not dataclasses.is_dataclass(value):
+        return value
+    names = [field.name for field in dataclasses.fields(value)]
+    names += [name for name in _DERIVED if hasattr(value, name)]
+    parts = {name: _packed(getattr(value, name)) for name in names}
+    return {"is": type(value).__name__, **parts}
 
 
 _DERIVED = ("line_width", "dashes")

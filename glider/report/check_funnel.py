@@ -9,13 +9,13 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from glider.errors import printable
 from glider.physics.confidence import describe_level, describe_set
 from glider.physics.model import GliderModel, model_text
 from glider.planning.problem import PerchingProblem
+from glider.report.wording import TEMPLATES
 from glider.verification.funnel.funnel import Funnel, gliders_note
 from glider.verification.proof.check import Verdict
 from glider.verification.proof.flight_proof import FlightProof
@@ -76,9 +76,6 @@ def check_report(checked: Checked) -> dict[str, Any]:
         "made_for": gliders_note(funnel),
         "inlet": set_sizes(funnel, 0.0),
         "last_set": set_sizes(funnel, last),
-        "command_error_rad_s": settings.command_error,
-        "wind_m_s": settings.wind,
-        "period_s": settings.period,
         "largest_command_error_rad_s": float(funnel.errors.max()),
         "model_compared": checked.path is not None,
         "set_compared": funnel.is_of_set and bool(checked.purpose.covariance),
@@ -147,17 +144,11 @@ def _text(macro, *values):
 
 @functools.cache
 def _template():
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("glider.report"),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.globals |= {
+    words = {
         "digits": _HASH_DIGITS,
         "describe_set": describe_set,
         "describe_level": describe_level,
         "model_hash": lambda funnel: _model_hash(funnel.nominal.model),
         "degrees": lambda limits: "{:.0f}° to {:.0f}°".format(*np.degrees(limits)),
     }
-    return environment.get_template("check_funnel.txt")
+    return TEMPLATES.get_template("check_funnel.txt", globals=words)

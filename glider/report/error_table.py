@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from glider.report import numbers
-from glider.report.numbers import DEGREE, DIVERGED, Unit
+from glider.report.numbers import DEGREE, DIVERGED, MILLIMETRE, Unit
 from glider.sysid.result import MODELS, PERFECT, HeldOutFlight, Report, Result
 
 FREE = "rollout.position_rms_m"
@@ -33,17 +33,17 @@ _ROWS = (
     ("Acceleration, RMS", "tangential", "equation.tangential", Unit(name="m/s²")),
     ("Acceleration, RMS", "normal", "equation.normal", Unit(name="m/s²")),
     ("Acceleration, RMS", "pitch", "equation.pitch", Unit(name="rad/s²")),
-    ("Free rollout", "position, RMS", FREE, None),
-    ("Free rollout", "position, end", "rollout.position_end_m", None),
+    ("Free rollout", "position, RMS", FREE, MILLIMETRE),
+    ("Free rollout", "position, end", "rollout.position_end_m", MILLIMETRE),
     ("Free rollout", "pitch, RMS", "rollout.pitch_rms_rad", DEGREE),
     (
         "Along measured pitch",
         "position, RMS",
         "rollout_measured_pitch.position_rms_m",
-        None,
+        MILLIMETRE,
     ),
 )
-"""Group, name and field of `Errors`, and its unit where that is always the same."""
+"""Group, name and field of `Errors`, and its unit."""
 
 
 def error_rows(result: Result) -> list[_ErrorRow]:
@@ -52,15 +52,14 @@ def error_rows(result: Result) -> list[_ErrorRow]:
     for group, name, field, unit in _ROWS:
         values = {m: error_of(result, m, field) for m in columns_of(result)}
         floor = error_of(result, PERFECT, field)
-        of_row = unit or unit_beside_floor(result, *values.values())
         before = values.get(baseline(result), math.nan)
         rows.append(
             _ErrorRow(
                 group=group,
                 name=name,
-                unit=of_row.name,
-                cells={m: of_row.digits(v) for m, v in values.items()},
-                floor=of_row.digits(floor),
+                unit=unit.name,
+                cells={m: unit.digits(v) for m, v in values.items()},
+                floor=unit.digits(floor),
                 gain=numbers.format_gain(before, values.get("corrected", math.nan)),
             )
         )
@@ -71,11 +70,6 @@ def error_of(report: Report, model: str, field: str) -> float:
     """An error of a model by its field of `Errors`; NaN where it has none."""
     errors = report.errors.get(model)
     return math.nan if errors is None else float(attrgetter(field)(errors))
-
-
-def unit_beside_floor(result: Result, *lengths: float) -> Unit:
-    """The one unit in which lengths [m] and the floor beside them read best."""
-    return numbers.length_unit(*lengths, error_of(result, PERFECT, FREE))
 
 
 def columns_of(*reports: Report) -> list[str]:

@@ -4,16 +4,15 @@ import math
 
 import numpy as np
 
-from glider.report import error_table
 from glider.report.error_table import bounded, distance, position_rms, rank_flights
+from glider.report.numbers import format_length
 from glider.report.plots import figure as spec
 from glider.report.plots.binning import bounds
-from glider.report.plots.style import LABELS
 from glider.sysid.result import MODELS, HeldOutFlight, Result
 
 _MOST_SHOWN = 4  # Held-out flights that are shown without being asked for.
 
-_MOST_FLIGHTS = 120
+_MOST_FLIGHTS = 60
 """Held-out flights that a page holds: the best and the worst, and between."""
 
 _ROWS = 120  # Rows that are drawn of a flight at most.
@@ -41,19 +40,19 @@ def held_out_figure(result: Result) -> spec.Figure | None:
     if not flights:
         return None
     shown = {flight.name for flight in _evenly(flights, _MOST_SHOWN)}
-    errors = [position_rms(flight, "corrected") for flight in flights]
-    unit = error_table.unit_beside_floor(result, *errors)
     choices = []
-    for flight, error in zip(flights, errors, strict=True):
+    for flight in flights:
         choice = spec.Choice(
             label=_stem(flight.name),
-            note=unit.text(error),
+            note=format_length(position_rms(flight, "corrected")),
             panels=flight_panels(flight, result.noise.position_m),
             is_shown=flight.name in shown,
         )
+
         choices.append(choice)
+
     flown = [m for m in MODELS if any(m in f.flown for f in flights)]
-    keys = {m: LABELS[m] for m in ("measured", *flown)}
+    keys = {m: m for m in ("measured", *flown)}
     keys["fitted"] = "launch state fitted"
     return spec.Figure(keys=keys, choices=choices)
 
@@ -71,20 +70,21 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         if model in flight.flown:
             poses[model] = bounded(flight.flown[model])[rows]
 
+    least = 0.1 * noise if noise > 0.0 else 0.0  # Of distances that are drawn.
     paths = []
     pitches = []
     distances = []
     for model, pose in poses.items():
         x, z, pitch = pose.T
         degrees = np.degrees(pitch)
-        said = f"{name}, {LABELS[model]}<br>%{{customdata:.3f}} s: "
+        said = f"{name}, {model}<br>%{{customdata:.3f}} s: "
         place = said + "x %{x:.3f} m, z %{y:.3f} m"
         angle = said + "pitch %{y:.2f}°"
         paths.append(spec.Line(model, x, z, hover=place, extra=time))
         pitches.append(spec.Line(model, time, degrees, hover=angle, extra=time))
         if model != "measured":
             apart = distance(pose, measured)
-            apart = np.where(apart > 0.0, apart, math.nan)
+            apart = np.where(apart > least, apart, math.nan)
             away = said + "%{y:.3r} m away"
             distances.append(spec.Line(model, time, apart, hover=away, extra=time))
 
@@ -97,6 +97,7 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         size=12.0,
         opacity=0.3,
     )
+
     begin = float(time[0])
     end = float(time[-1])
     start = spec.Ground(begin, flight.fitted_until, key="fitted")
@@ -109,8 +110,6 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
     x_axis = spec.Axis("x [m]", _range_of([line.x for line in paths]))
     z_axis = spec.Axis("z [m]", _range_of([line.y for line in paths]))
     angles = spec.Axis(range=_range_of([line.y for line in pitches]))
-    away_axis = spec.Axis(range=_range_of_distances(distances, noise), is_log=True)
-
     return [
         spec.Panel(name, [launch, *paths], x_axis, z_axis, height=250),
         spec.Panel(
@@ -120,7 +119,7 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
             "distance from the flight [m]",
             [start, *level, *distances],
             clock,
-            away_axis,
+            spec.Axis(is_log=True),
             height=250,
         ),
     ]
@@ -143,13 +142,3 @@ def _range_of(columns: list[np.ndarray]) -> tuple[float, float] | None:
     near = np.clip(every, low - beyond, high + beyond)
 
     return bounds(near, quantile=0.0)
-
-
-def _range_of_distances(
-    lines: list[spec.Line], noise: float
-) -> tuple[float, float] | None:
-    """Limits of a logarithmic axis that show distances, and the noise if known."""
-    distances = np.concatenate([np.zeros(0), *(line.y for line in lines)])
-    around = math.log10(noise) if noise > 0.0 else None
-    ends = bounds(np.log10(distances), quantile=0.02, around=around)
-    return ends and (10.0 ** ends[0], 10.0 ** ends[1])

@@ -15,7 +15,6 @@ from glider.physics.model import GliderModel, Origin, model_text
 from glider.report import error_table, flight_figures, model_figures, numbers, wording
 from glider.report.as_page import render_page
 from glider.report.plots.figure import Figure
-from glider.report.plots.style import LABELS
 from glider.sysid.result import Result
 
 FIGURES: dict[str, Callable[[Result], Figure | None]] = {
@@ -69,7 +68,6 @@ def to_html(result: Result) -> str:
         {name: figure for name, figure in figures.items() if figure is not None},
         result=result,
         versions=versions,
-        labels=LABELS,
         error_table=error_table,
         numbers=numbers,
         wording=wording,

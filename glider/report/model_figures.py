@@ -1,7 +1,5 @@
 """Figures of models: free functions, coefficients, residuals."""
 
-import dataclasses
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,7 +10,7 @@ from glider.report.error_table import bounded
 from glider.report.numbers import Unit
 from glider.report.plots import binning
 from glider.report.plots import figure as spec
-from glider.report.plots.style import LABELS, TERMS, VARIABLES
+from glider.report.plots.style import TERMS, VARIABLES
 from glider.sysid.result import ResidualTable, Result
 
 RESIDUALS = {
@@ -32,10 +30,7 @@ _AT = "α %{x:.1f}°: %{y:.3r}"
 
 
 def free_functions_figure(result: Result) -> spec.Figure | None:
-    """The free functions of a corrected model.
-
-    Over one variable; of two, over the first, at three values of the second.
-    """
+    """The free functions of a corrected model, over the first of their variables."""
     functions = result.model.free_functions
     parts = [p for p in functions if len(p.variables) in (1, 2) and p.centers]
     flown = result.residual_after.variables
@@ -49,36 +44,28 @@ def free_functions_figure(result: Result) -> spec.Figure | None:
 def _function_panels(
     part: FreeFunction, flown: Mapping[str, np.ndarray]
 ) -> list[spec.Panel]:
-    variable, *others = part.variables
-    values = np.column_stack([flown[name] for name in part.variables])
-    low = values.min(axis=0)
-    high = values.max(axis=0)
-    place = np.linspace(low[0], high[0], 121)
-    slices = np.linspace(low[1:], high[1:], 3 if others else 1)
-    lines: dict[str, list[spec.Line]] = {}
-    for i, other in enumerate(slices):
-        at = np.column_stack([place, np.tile(other, (len(place), 1))])
-        basis = part.basis(at)
-        width = 1.0 + i if others else None
-        for term, weights in part.weights.items():
-            value = basis @ weights
-            scaled = place * VARIABLES[variable][1]
-            line = spec.Line("rest", scaled, value, width=width, is_solid=True)
-            lines.setdefault(term, []).append(line)
-    panels = [
-        spec.Panel(
-            TERMS[term],
-            [spec.Level(), *own],
-            spec.Axis(VARIABLES[variable][0], link=variable),
-        )
-        for term, own in lines.items()
-        if any(np.any(line.y != 0.0) for line in own)
-    ]
-    for name in others:
-        label, factor = VARIABLES[name][:2]
-        shown = ", ".join(f"{value:.3g}" for value in slices[:, 0] * factor)
-        words = f", thin to thick: {label} {shown}"
-        panels = [dataclasses.replace(p, title=p.title + words) for p in panels]
+    """A panel for each term; other variables are at their medians in flight."""
+    names = part.variables
+    label, factor = VARIABLES[names[0]]
+    values = np.column_stack([flown[name] for name in names])
+    place = np.linspace(values[:, 0].min(), values[:, 0].max(), 121)
+    at = np.tile(np.median(values, axis=0), (len(place), 1))
+    at[:, 0] = place
+    words = ""
+    for name, value in zip(names[1:], at[0, 1:], strict=True):
+        other, size = VARIABLES[name]
+        words += f", at {other} {value * size:.3g}"
+
+    panels = []
+    for term, weights in part.weights.items():
+        if np.any(weights):
+            line = spec.Line(
+                "rest", place * factor, part.basis(at) @ weights, is_solid=True
+            )
+            x_axis = spec.Axis(label, link=names[0])
+            marks: list[spec.Mark] = [spec.Level(), line]
+            panels.append(spec.Panel(TERMS[term] + words, marks, x_axis))
+
     return panels
 
 
@@ -90,72 +77,57 @@ def _residual_tables(result: Result) -> dict[str, ResidualTable]:
     }
 
 
+def _marks(
+    key: str, table: ResidualTable, x: np.ndarray, y: np.ndarray, said: str
+) -> tuple[spec.Points, spec.Line]:
+    """The points of a table's rows (N,), of which some are drawn, and their median."""
+    # The same rows in all panels: a flight is picked in all of them.
+    total = np.sum(table.residual, axis=1)
+    rows = binning.thin(total, table.flight)
+    cloud = spec.Points(
+        key,
+        x[rows],
+        bounded(y[rows]),
+        hover=f"%{{text}}<br>{said}, {key}",
+        size=3.5,
+        opacity=0.45,
+        flight=table.flight[rows],
+        time=table.variables["t"][rows],
+    )
+
+    place, [median] = binning.binned_quantiles(x, y)
+    hover = f"median, {key}<br>{said}"
+    return cloud, spec.Line(key, place, median, hover=hover, width=2.4, is_solid=True)
+
+
 def coefficients_figure(result: Result) -> spec.Figure:
-    """Force and moment coefficients, flight by flight, before and after."""
+    """Force and moment coefficients of all rows, before and after."""
     tables = _residual_tables(result)
+    label, factor = VARIABLES["alpha"]
     panels = []
     for model, table in tables.items():
+        degrees = table.variables["alpha"] * factor
         for name, symbol in _COEFFICIENTS.items():
             shown = [t.coefficients[name] for t in tables.values()]
             shown += [t.modelled[name] for t in tables.values()]
             span = binning.bounds(np.concatenate(shown))
-
+            measured = _marks("measured", table, degrees, table.coefficients[name], _AT)
+            modelled = _marks(model, table, degrees, table.modelled[name], _AT)
             panel = spec.Panel(
-                f"{symbol}, {LABELS[model]}",
-                _coefficient_marks(table, name, model),
-                spec.Axis(VARIABLES["alpha"][0], link="alpha"),
+                f"{symbol}, {model}",
+                [*measured, modelled[1]],
+                spec.Axis(label, link="alpha"),
                 spec.Axis(range=span, link=name),
                 height=250,
             )
+
             panels.append(panel)
+
     return spec.Figure(
-        keys={m: LABELS[m] for m in ("measured", *tables)},
+        keys={m: m for m in ("measured", *tables)},
         panels=panels,
         flights=result.residual_after.names,
     )
-
-
-def _coefficient_marks(
-    table: ResidualTable, name: str, model: str
-) -> list[spec.Line | spec.Band]:
-    """A coefficient over the angle of attack: each flight, all of them, the model."""
-    degrees = np.degrees(table.variables["alpha"])
-    measured = table.coefficients[name]
-    modelled = table.modelled[name]
-    alpha = []
-    middle = []
-    flight = []
-
-    for number in np.unique(table.flight):
-        rows = table.flight == number
-        place, [median] = binning.binned_quantiles(
-            degrees[rows], measured[rows], bins=12, fewest=2
-        )
-        # NaN leaves a gap between flights.
-        alpha.append(np.append(place, math.nan))
-        middle.append(np.append(median, math.nan))
-        flight.append(np.full(len(place) + 1, number))
-    each = spec.Line(
-        "measured",
-        np.concatenate(alpha),
-        bounded(np.concatenate(middle)),
-        hover=f"%{{text}}<br>{_AT}",
-        width=0.6,
-        is_solid=True,
-        opacity=0.4,
-        flight=np.concatenate(flight),
-    )
-
-    sixths = (1 / 6, 0.5, 5 / 6)
-    place, [low, median, high] = binning.binned_quantiles(degrees, measured, sixths)
-    hover = f"measured, median<br>{_AT}"
-    band = spec.Band("measured", place, low, high)
-    middle_line = spec.Line("measured", place, median, hover=hover)
-
-    place, [median] = binning.binned_quantiles(degrees, modelled)
-    hover = f"{LABELS[model]}, median<br>{_AT}"
-    model_line = spec.Line(model, place, median, hover=hover, width=2.0)
-    return [each, band, middle_line, model_line]
 
 
 def residual_figure(result: Result) -> spec.Figure | None:
@@ -168,6 +140,7 @@ def residual_figure(result: Result) -> spec.Figure | None:
     for name in dict.fromkeys(wanted):
         if all(_varies(table, name) for table in tables.values()):
             variables.append(name)
+
     variables = variables[:_MOST_VARIABLES]
     if not variables:
         return None
@@ -178,9 +151,7 @@ def residual_figure(result: Result) -> spec.Figure | None:
             panels.append(residual_panel(tables, name, column))
 
     return spec.Figure(
-        keys={m: LABELS[m] for m in tables},
-        panels=panels,
-        flights=result.residual_after.names,
+        keys={m: m for m in tables}, panels=panels, flights=result.residual_after.names
     )
 
 
@@ -202,41 +173,17 @@ def residual_panel(
     medians = []
     every_x = []
     every_y = []
-
     for model, table in tables.items():
         x = table.variables[variable] * factor
         y = table.residual[:, column]
         every_x.append(x)
         every_y.append(y)
-
-        # The same rows in all panels: a page holds each column once.
-        total = np.sum(table.residual, axis=1)
-        rows = binning.thin(total, table.flight)
-        cloud = spec.Points(
-            model,
-            x[rows],
-            bounded(y[rows]),
-            hover=f"%{{text}}<br>{said}, {LABELS[model]}",
-            size=3.5,
-            opacity=0.45,
-            flight=table.flight[rows],
-            time=table.variables["t"][rows],
-        )
+        cloud, median = _marks(model, table, x, y, said)
         clouds.append(cloud)
-
-        place, [median] = binning.binned_quantiles(x, y)
-        line = spec.Line(
-            model,
-            place,
-            median,
-            hover=f"median, {LABELS[model]}<br>{said}",
-            width=2.4,
-            is_solid=True,
-        )
-        medians.append(line)
+        medians.append(median)
 
     across = binning.bounds(np.concatenate(every_x))
-    along = binning.bounds(np.concatenate(every_y), around=0.0)
+    along = binning.bounds(np.concatenate(every_y))
     return spec.Panel(
         f"{name} [{unit.name}]",
         [spec.Level(), *clouds, *medians],

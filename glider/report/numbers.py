@@ -36,26 +36,13 @@ class Unit:
 
 
 DEGREE = Unit(name="°", size=math.radians(1.0))
-_METRE = Unit(name="m")
-_CENTIMETRE = Unit(name="cm", size=1e-2)
-_MILLIMETRE = Unit(name="mm", size=1e-3)
-
-
-def length_unit(*values: float) -> Unit:
-    """The one unit in which lengths [m] read best.
-
-    It is that of the smallest; metres where one is ten or more.
-    """
-    sizes = [abs(v) for v in values if 0.0 < abs(v) < DIVERGED] or [1.0]
-    if min(sizes) >= 0.0995 or max(sizes) >= 10.0:
-        return _METRE
-
-    return _CENTIMETRE if min(sizes) >= 0.00995 else _MILLIMETRE
+MILLIMETRE = Unit(name="mm", size=1e-3)
+"""The unit of all lengths: errors of models are compared at a glance."""
 
 
 def format_length(value: float) -> str:
-    """A length [m] in m, cm or mm."""
-    return length_unit(value).text(value)
+    """A length [m] in mm."""
+    return MILLIMETRE.text(value)
 
 
 def format_angle(value: float) -> str:
@@ -64,24 +51,23 @@ def format_angle(value: float) -> str:
 
 
 def format_estimate(c: Estimate) -> str:
-    """Returns "-0.600 ± 0.001 m/s": as many digits as the standard error allows."""
-    unit = "" if c.unit in ("", "-") else f" {c.unit}"
+    """Returns "-0.600 ± 0.001 m/s": as many digits as the standard error allows.
+
+    Three where that is not known.
+    """
     if not math.isfinite(c.value):
         return MISSING
 
     if not (math.isfinite(c.std) and c.std > 0.0):
-        return f"{c.value:.4g}{unit}"
+        return Unit(name=c.unit).text(c.value)
 
+    unit = "" if c.unit in ("", "-") else f" {c.unit}"
     digits = -math.floor(math.log10(c.std))
     if f"{c.std:e}"[0] == "1":  # 0.0014, not 0.001.
         digits += 1
 
     if digits > 6:
-        power = math.floor(math.log10(max(abs(c.value), c.std)))
-        scale = 10.0**power
-        digits = max(digits + power, 0)
-        number = f"({c.value / scale:.{digits}f} ± {c.std / scale:.{digits}f})"
-        return f"{number}e{power}{unit}"
+        return f"{c.value:.3g} ± {c.std:.1g}{unit}"
 
     value = round(c.value, digits)
     std = round(c.std, digits)
@@ -90,24 +76,13 @@ def format_estimate(c: Estimate) -> str:
     return f"{value:.{digits}f} ± {std:.{digits}f}{unit}"
 
 
-def in_degrees(c: Estimate) -> str:
-    """An angle as " (3.0°)", else nothing."""
+def format_value(c: Estimate) -> str:
+    """An estimate, an angle in degrees too: "0.05 ± 0.01 rad (2.9°)"."""
+    text = format_estimate(c)
     if c.unit != "rad" or not math.isfinite(c.value):
-        return ""
-
-    return f" ({math.degrees(c.value):.1f}°)"
-
-
-def format_spread(std: float, unit: str, error: float = math.nan) -> str:
-    """A standard deviation, with its error if known, also in degrees for an angle."""
-    text = format_estimate(Estimate(std, error, unit))
-    if not math.isfinite(error):
-        text = Unit(name=unit).text(std)
-
-    if unit != "rad" or not math.isfinite(std):
         return text
 
-    return f"{text} ({format_angle(std)})"
+    return f"{text} ({format_angle(c.value)})"
 
 
 def format_share(share: float) -> str:
@@ -121,18 +96,14 @@ def format_evidence(evidence: float) -> str:
 
 
 def format_gain(before: float, after: float) -> str:
-    """The factor by which an error fell: "1,000×", "2.5×" or "0.31×"."""
+    """The factor by which an error fell: "1,000×", "2.50×" or "0.310×"."""
     if before >= DIVERGED > after:
         return "∞"
 
     if not (0.0 < before < DIVERGED and 0.0 < after < DIVERGED):
         return MISSING
 
-    factor = before / after
-    if factor >= 10.0:
-        return f"{factor:,.0f}×"
-
-    return f"{factor:.1f}×" if factor >= 0.95 else f"{factor:.2f}×"
+    return f"{_three_digits(before / after)}×"
 
 
 def _three_digits(value):

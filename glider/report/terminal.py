@@ -11,7 +11,6 @@ from rich.text import Text
 
 from glider.report import wording
 from glider.report.error_table import columns_of, error_rows
-from glider.report.plots.style import LABELS
 from glider.sysid.result import Result
 
 _Writer = Callable[..., None]
@@ -68,7 +67,7 @@ def _errors_table(result: Result) -> Table:
     models = columns_of(result)
     flights = wording.counted(result.flights.held_out, "held-out flight")
     table = make_table(
-        *("", *(LABELS[m] for m in models), "floor", "gain"),
+        *("", *models, "floor", "gain"),
         title=f"Errors on {flights}",
         title_justify="left",
         title_style="bold",

@@ -11,7 +11,7 @@ import jinja2
 from glider.physics.effects import KINDS
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.report import numbers
-from glider.report.error_table import FREE, baseline, error_of, unit_beside_floor
+from glider.report.error_table import FREE, baseline, error_of
 from glider.sysid.result import Estimate, Result
 
 _MOST_COEFFICIENTS = 8
@@ -63,11 +63,6 @@ _CLOCKS = {
 }
 
 
-def _value(c: Estimate) -> str:
-    """An estimate, an angle in degrees too."""
-    return numbers.format_estimate(c) + numbers.in_degrees(c)
-
-
 def spread_rows(result: Result) -> list[tuple[str, str, str]]:
     """Flight-to-flight variations: name, standard deviation, the largest value."""
     rows = []
@@ -76,15 +71,14 @@ def spread_rows(result: Result) -> list[tuple[str, str, str]]:
         most = max(known, key=lambda f: abs(known[f]), default=None)
         largest = numbers.MISSING
         if most is not None:
-            largest = f"{most}: {numbers.format_spread(known[most], spread.unit)}"
-        std = numbers.format_spread(spread.std, spread.unit, spread.std_error)
+            largest = f"{most}: {_spread(known[most], spread.unit)}"
+        std = _spread(spread.std, spread.unit, spread.std_error)
         rows.append((name_of(name), std, largest))
     return rows
 
 
-def _from_to(result: Result, old: float, new: float) -> str:
-    unit = unit_beside_floor(result, old, new)
-    return f"from {unit.text(old)} to {unit.text(new)}"
+def _spread(std: float, unit: str, error: float = math.nan) -> str:
+    return numbers.format_value(Estimate(std, error, unit))
 
 
 def _model_of(result: Result) -> str:
@@ -110,21 +104,19 @@ TEMPLATES.globals |= {
     "error": lambda r, model: error_of(r, model, FREE),
     "estimate": numbers.format_estimate,
     "evidence": numbers.format_evidence,
-    "from_to": _from_to,
     "inf": math.inf,
     "join": join,
     "notes_of": notes_of,
     "clock_name": lambda name: _CLOCKS.get(name, name),
     "units": FLOW_UNITS,
-    "length": lambda r, value: unit_beside_floor(r, value).text(value),
+    "length": numbers.format_length,
     "may_be_chance": lambda r: r.left.ratio_to_floor > 1.0 and r.left.may_be_chance,
-    "metres": numbers.format_length,
     "model_of": _model_of,
     "most_coefficients": _MOST_COEFFICIENTS,
     "name_of": name_of,
     "share": numbers.format_share,
-    "spread": numbers.format_spread,
-    "value": _value,
+    "spread": _spread,
+    "value": numbers.format_value,
     "vars": vars,
     "words_of": words_of,
 }

@@ -26,7 +26,7 @@ FEW_FLIGHTS = 8  # That show a wrong sign, or what a model lacks (c).
 
 # ------------------------------------------------------------------- noise
 # Correlation time of unmodelled pitch accelerations, and of an elevator's departure
-# from its path, over which its travel counts [s] (c).
+# from its path [s] (c).
 MOMENT_TIME = 0.1
 # Prior spread of a launch about its smoothed measurement, as the state [m, rad, s] (c);
 # that of the elevator is a scale of the noise.
@@ -98,10 +98,6 @@ MOST_LEFT = 2.0  # Times a perfect model's error that effects may leave at most 
 # 0.04 in campaigns with the right answer, 0.2 to 1 where elevator and pose are of
 # different flights or clocks.
 MOMENT_SHARE = 0.1
-# Share by which the elevator may move more or less than commanded (m: bench_broken),
-# with lag and delay fitted: 0.003 at most in 60 campaigns, servos of other forms than
-# the library's among them; 0.04 and 0.05 where one clock is 5 % slow.
-GAIN_ERROR = 0.03
 
 # --------------------------------------------------------- what results report
 # Share of the evidence below which an effect stands for the errors of free functions

@@ -63,7 +63,6 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
             own = varying[:, 0].tolist()
             found[kind] = Spread(
                 std=std,
-                std_error=std / math.sqrt(2.0 * len(own)),
                 unit=coefficient.unit,
                 values=dict(zip(names, own, strict=True)),
             )
@@ -108,11 +107,12 @@ def effects_of(
                 depends_on=ANGLE_SIGN.depends_on,
             )
         )
+
     for first, *bending in members.values():
         if first in functions:
             entry = _function_entry(functions[first], names[first], known)
         else:
-            entry = _formula_entry(task, model, first, known, spreads)
+            entry = _formula_entry(task, model, first, known)
 
         brought = float(sum(evidence[kind] for kind in (first, *bending)))
         found.append(
@@ -121,7 +121,7 @@ def effects_of(
                 evidence=brought,
                 share_of_residual=float(np.clip(brought / whole, 0.0, 1.0)),
                 inclusion=tests.inclusion(first),
-                indistinguishable_from=_rivals_of(task, traced, tests, names, first),
+                indistinguishable_from=_rivals_of(task, traced, names, first),
             )
         )
 
@@ -140,7 +140,6 @@ def effects_of(
                     words=f"{effect.words}, different in each flight",
                     coefficients={coefficient: mean},
                     inclusion=math.nan,
-                    spread_over_flights={coefficient: spread.std},
                     depends_on=effect.depends_on,
                 )
             )
@@ -149,31 +148,20 @@ def effects_of(
 
 
 def _formula_entry(
-    task: Task,
-    model: FitResult,
-    name: str,
-    known: Uncertainty,
-    spreads: Mapping[str, Spread],
+    task: Task, model: FitResult, name: str, known: Uncertainty
 ) -> FoundEffect:
     """A formula as an effect; its shape is wrong where a free function bends it."""
     kind = task.space.kinds[name]
     slots = task.space.slots_of(name)
-    coefficients = {}
-    for slot, coefficient in zip(slots, kind.coefficients, strict=True):
-        value = float(model.theta[slot])
-        coefficients[coefficient.name] = Estimate(
-            value, known.std(slot), coefficient.unit
-        )
-
-    spread = {}
-    if name in spreads:
-        spread[kind.coefficients[0].name] = spreads[name].std
+    entries = zip(slots, kind.coefficients, strict=True)
+    coefficients = {
+        own.name: _estimate(model, known, slot, own.unit) for slot, own in entries
+    }
     is_bent = any(name in FAMILIES[other].bends for other in model.free_kinds)
     return FoundEffect(
         kind=name,
         words=kind.words,
         coefficients=coefficients,
-        spread_over_flights=spread,
         shape=result.OTHER_SHAPE if is_bent else result.LIBRARY_SHAPE,
         depends_on=kind.depends_on,
     )
@@ -196,13 +184,12 @@ def _function_entry(
         words=words,
         coefficients=coefficients,
         shape=shape,
-        family=family.link,
         depends_on=family.depends_on,
     )
 
 
 def _rivals_of(
-    task: Task, traced: SearchResult, tests: HeldOut, names: Mapping[str, str], own: str
+    task: Task, traced: SearchResult, names: Mapping[str, str], own: str
 ) -> tuple[str, ...]:
     """Returns the formulas that would do as well in the place of an effect.
 
@@ -211,9 +198,7 @@ def _rivals_of(
     where that has several others instead, they do as well together.
     """
     formulas = {*traced.model.kinds} - FAMILIES.keys()
-    found = set[str]()
-    if own not in FAMILIES:
-        found.update(tests.alike.get(own, ()))
+    found = {*traced.alike.get(own, ())} if own not in FAMILIES else set[str]()
     for rival, _ in traced.rivals:
         its = {*rival.kinds}
         has_all_others = formulas - its <= {own}
@@ -238,7 +223,8 @@ def _find_peak(function: FittedFunction, known: Uncertainty) -> dict[str, Estima
     rows = function.gaussians(points) @ function.mix
     values = rows @ function.coordinates
     peak = int(np.argmax(np.abs(values)))
-    std = float(known.std_along(known.places[function.name], rows[peak]))
+    covariance, _ = known.of(known.places[function.name])
+    std = float(np.sqrt(rows[peak] @ covariance @ rows[peak]))
     term = function.effect.kind
     [value] = function.effect.coefficients
     found = {f"{term}_peak": Estimate(float(values[peak]), std, value.unit)}
@@ -269,6 +255,10 @@ def model_of(task: Task, model: FitResult, signs: Signs) -> GliderModel:
     )
 
 
+def _estimate(model: FitResult, known: Uncertainty, slot: int, unit: str) -> Estimate:
+    return Estimate(float(model.theta[slot]), known.std(slot), unit)
+
+
 def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Estimate]:
     """The unknown parameters of the vehicle, by name."""
     space = task.space
@@ -277,8 +267,8 @@ def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Es
         unit = space.entries[slot].unit
         if task.vehicle.is_per_mass and space.owners[slot] == OF_VEHICLE:
             unit = _PER_KILOGRAM.get(unit, unit)
-        value = float(model.theta[slot])
-        found[space.names[slot]] = Estimate(value, known.std(slot), unit)
+        found[space.names[slot]] = _estimate(model, known, slot, unit)
+
     return found
 
 
@@ -287,10 +277,10 @@ def clocks_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Est
     found = {}
     for slot in task.space.slots_of(SERVO_LOG.kind):
         if slot in known.free:
-            variance, _ = known.of([known.free.index(slot)])
-            value = 1e3 * float(model.theta[slot])
-            std = 1e3 * math.sqrt(variance[0, 0])
-            found[task.space.entries[slot].name] = Estimate(value, std, "ms")
+            own = _estimate(model, known, slot, "ms")
+            name = task.space.entries[slot].name
+            found[name] = Estimate(1e3 * own.value, 1e3 * own.std, own.unit)
+
     return found
 
 

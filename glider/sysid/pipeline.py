@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from glider.campaign.logs import Campaign, split_flights
@@ -48,8 +47,6 @@ def close_the_loop(
     """
     own = tuple(own_effects)
     expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
-    if effects is not None and not effects:
-        raise InputError("found no effect to try; expected the name of at least one.")
     if own:
         from glider.sysid.replay.log_space import log_space
 
@@ -68,9 +65,8 @@ def close_the_loop(
 
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         inspection = inspect(campaign)
-        split = split_flights(inspection.campaign, held_out, seed)
+        fitted, _ = split_flights(inspection.campaign, held_out, seed)
         seconds = {"read": time.perf_counter() - begin}
-        given = {"flights": flights, "effects": effects}
         from glider.sysid.analysis import Analysis
         from glider.sysid.replay.log_space import log_space
         from glider.sysid.replay.vehicle import make_vehicle
@@ -79,7 +75,7 @@ def close_the_loop(
         kinds = tuple(k for k in vehicle.kinds if effects is None or k in effects)
         if effects is not None and not kinds and ANGLE_SIGN.kind not in effects:
             raise InputError(
-                f"none of the effects {', '.join(effects)} can be identified from what "
+                f"none of the effects {list(effects)} can be identified from what "
                 "this campaign logs and leaves unknown."
             )
 
@@ -89,13 +85,12 @@ def close_the_loop(
             inspection=inspection,
             vehicle=vehicle,
             kinds=kinds,
-            fitted=tuple(flight.name for flight in split[0]),
-            held_out=tuple(flight.name for flight in split[1]),
-            rng=np.random.default_rng(seed),
+            fitted=fitted,
             settings={
                 "seed": seed,
                 "held_out": held_out,
-                **{k: None if v is None else list(v) for k, v in given.items()},
+                "flights": None if flights is None else list(flights),
+                "effects": None if effects is None else list(effects),
                 "own_effects": [e.kind for e in own],
                 "notes": list(vehicle.notes),
             },

@@ -52,22 +52,24 @@ class FoundEffect:
     evidence: Number = math.nan  #: Log-likelihood lost without it, if any [nats].
     share_of_residual: Number = math.nan  #: Of all the evidence, 0 to 1.
     inclusion: Number = 1.0  #: Share of the folds that find it again, 0 to 1.
-    #: Flight-to-flight standard deviations of coefficients that vary.
-    spread_over_flights: dict[str, Number] = dataclasses.field(default_factory=dict)
     shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model has a free function.
-    family: str = ""  #: `Family.link` of a free function; empty for a formula.
     indistinguishable_from: tuple[str, ...] = ()  #: Do as well, alone or together.
     depends_on: tuple[str, ...]  #: Variables that it varies with.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Spread:
-    """Flight-to-flight variation: standard deviation, its error, flights' values."""
+    """Flight-to-flight variation: standard deviation and flights' values."""
 
     std: Number
-    std_error: Number = math.nan
     unit: str
     values: dict[str, Number]
+
+    @property
+    def std_error(self) -> float:
+        """Standard error of the standard deviation, s / √(2 (n - 1)) of n flights."""
+        count = sum(math.isfinite(value) for value in self.values.values())
+        return self.std / math.sqrt(2.0 * (count - 1)) if count > 1 else math.nan
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -107,7 +109,6 @@ class Residual:
     position_m: Number  #: RMS of the position [m].
     ratio_to_floor: Number  #: That over the RMS which a perfect model would leave.
     ratio_along_pitch: Number = math.nan  #: The same along the measured pitch.
-    most_by_chance: Number = math.inf  #: The ratio that a perfect model may have.
     chance: Number = math.nan  #: Probability that a perfect model leaves as much.
     depends_on: tuple[str, ...]  #: Variables that it varies with, most first.
 
@@ -116,18 +117,15 @@ class Residual:
         """Whether there is more than noise and moving air: an effect, found or not.
 
         A perfect model would leave as much on all flights with a probability below
-        UNLIKELY, where a ratio on the held-out ones is above one. Or these, which are
-        few, show MOST_LEFT times what chance explains.
+        UNLIKELY, where a ratio on the held-out ones is above one.
         """
         is_more = self.ratio_to_floor > 1.0 or self.ratio_along_pitch > 1.0
-        is_improbable = is_more and self.chance < UNLIKELY
-        return is_improbable or self.ratio_to_floor > MOST_LEFT * self.most_by_chance
+        return is_more and self.chance < UNLIKELY
 
     @property
     def may_be_chance(self) -> bool:
         """Whether a perfect model may leave as much: never more than MOST_LEFT."""
-        most = min(MOST_LEFT, self.most_by_chance)
-        return not (self.exceeds_chance or self.ratio_to_floor > most)
+        return not (self.exceeds_chance or self.ratio_to_floor > MOST_LEFT)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -208,7 +206,6 @@ class Report:
     vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.
     warnings: tuple[str, ...]
     set_aside: tuple[ExcludedRows, ...]
-    seed: int | None  #: Of the split into fitted and held-out flights.
     settings: dict[str, Any]  #: Seed, fraction and what else would repeat this run.
     noise: MeasurementNoise
     #: Offsets of clocks and biases of sensors, estimated with the flights, by name.

@@ -11,8 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from glider.campaign.checks.motion import robust_std
-from glider.physics.effects import ELEVATOR_SCALE, LIBRARY, POSE_LATENCY
+from glider.physics.effects import ELEVATOR_SCALE, LIBRARY, POSE_LATENCY, EffectKind
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.sysid import constants
 from glider.sysid.constants import WORSE
@@ -20,7 +19,6 @@ from glider.sysid.fit.folds import Gains
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import SERVO_LOG
-from glider.sysid.replay.replayed import signals
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.tracing import SearchResult
 
@@ -35,40 +33,35 @@ _BOUNDED = {
 """Scales whose ceilings no flight of a known glider reaches, and their words."""
 
 
+_CLOCK = "(is 'clock' right in the MAP of the import?)"
+
+
 def find_doubt(task: Task, model: FitResult) -> str | None:
     """Finds the reason why a model cannot be trusted: one clause, or None."""
-    space = task.space
-    theta = model.theta
-    early = -float(theta[space.slots_of(POSE_LATENCY.kind)[0]])
+
+    def value_of(kind: EffectKind) -> float:
+        return float(model.theta[task.space.slots_of(kind.kind)[0]])
+
+    early = -value_of(POSE_LATENCY)
     step = float(np.median(np.diff(task.records[0].time)))
     # Times that are rounded to rows are off by half a step.
     if early > 0.5 * step or (early > 0.0 and len(model.kinds) == 1):
-        return (
-            f"poses are logged {1e3 * early:.1f} ms before they happen, so the "
-            "elevator's clock is ahead of theirs by as much (add it to 'clock' in the "
-            "MAP of an import, or subtract it from the times of the servo's log)"
-        )
-
-    shift = float(theta[space.slots_of(SERVO_LOG.kind)[0]])
+        return f"poses are logged {1e3 * early:.1f} ms before they happen {_CLOCK}"
+    shift = value_of(SERVO_LOG)
     if abs(shift) > constants.CLOCK_ERROR:
-        words = "earlier" if shift < 0.0 else "later"
-        return (
-            f"the servo's log fits the poses {1e3 * abs(shift):.0f} ms {words} than "
-            "its times say (is 'clock' right in the MAP of its import?)"
-        )
-
-    change = float(theta[space.slots_of(ELEVATOR_SCALE.kind)[0]])
+        return f"the servo's log is {1e3 * shift:+.0f} ms off the poses {_CLOCK}"
+    change = value_of(ELEVATOR_SCALE)
     if abs(change) > constants.TAIL_SPREAD:
         return (
-            f"the elevator turns {1.0 + change:.2f} times as far as its log says (as "
-            "with a wrong 'gain' of its angles and rates in the 'units' of the MAP)"
+            f"the elevator turns {1.0 + change:.2f} times as far as its log says (are "
+            "the 'units' of its angles and rates right in the MAP of the import?)"
         )
 
     return _left_to_chance(task, model) if task.vehicle.knows_forces else None
 
 
 def _left_to_chance(task: Task, model: FitResult) -> str | None:
-    """Finds noise of a known glider, or an elevator, that no right log shows."""
+    """Finds noise of a known glider that no right log shows."""
     scales = vars(model.scales)
     found = [
         words.format(scales[name])
@@ -83,47 +76,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
             f"(measured ones are {usual:.2g})"
         )
 
-    if found:
-        return f"the model needs {' and '.join(found)}"
-    gain, error = _elevator_gain(task, model)
-    if abs(gain - 1.0) > max(constants.GAIN_ERROR, constants.Z * error):
-        return (
-            f"the elevator moves {gain:.3f} times as far as commanded (± {error:.1g}), "
-            "as with a wrong clock or unit"
-        )
-
-    return None
-
-
-def _elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
-    """Ratio of measured to modelled elevator travel, and its standard error.
-
-    The median over flights of regressions of travel on travel, where the elevator has
-    turned one way for as long before: what a play loses at a reversal counts not. It is
-    1 and infinity where there is no servo.
-    """
-    found = []
-    for record in (record for record in task.records if record.has_servo):
-        rows = np.flatnonzero(record.seen[:, 3])
-        if len(rows) < 2:
-            continue
-        time = record.time[rows]
-        modelled = (signals(record, model.theta).logged - record.departure)[rows]
-        ends = np.searchsorted(time, time + constants.MOMENT_TIME)
-        begins = np.searchsorted(time, time - constants.MOMENT_TIME)
-        turns = np.append(0, np.cumsum(np.diff(np.sign(np.gradient(modelled))) != 0.0))
-        last = np.minimum(ends, len(time) - 1)
-        first = np.flatnonzero((ends < len(time)) & (turns[last] == turns[begins]))
-        both = record.elevator[rows], modelled
-        travel, ordered = (v[ends[first]] - v[first] for v in both)
-        if (known := float(ordered @ ordered)) > 0.0:
-            found.append(float(ordered @ travel) / known)
-
-    if len(found) < 3:
-        return 1.0, np.inf
-    median = float(np.median(found))
-    error = 1.2533 * float(robust_std(np.array(found) - median))  # Of a median: √(π/2).
-    return median, error / np.sqrt(len(found))
+    return f"the model needs {' and '.join(found)}" if found else None
 
 
 _AllErrors = dict[str, Errors | None]
@@ -152,7 +105,7 @@ def judge(
 
         if not math.isfinite(left.position_m):
             return "not_trusted", (
-                "The model diverges on all held-out flights: is each number of "
+                "The model diverges on held-out flights: is each number of "
                 "'vehicle' in SI units?"
             )
 
@@ -163,7 +116,8 @@ def judge(
 
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."
-    doubt, is_as_plate = _not_better(traced.model, gains, errors)
+    if traced.model.kinds:  # Else signs alone were put right, for all models.
+        doubt = _not_better(traced.model, gains, errors)
     if doubt is not None:
         return "not_trusted", doubt
     if rest or any(e.kind == "unexplained" for e in effects):
@@ -180,11 +134,6 @@ def judge(
         reason = (
             "The effects are identified; where a formula has not the right shape, the "
             "model has a free function or another formula beside it"
-        )
-    elif is_as_plate:
-        reason += (
-            ": the glider differs from its nominal model, and the flat plate with "
-            "refitted parameters predicts about as well"
         )
 
     return "effect_found", f"{reason}."
@@ -216,52 +165,43 @@ def _changes_baseline_alone(model: FitResult) -> bool:
     return baseline.issuperset(model.kinds)
 
 
+_BEFORE = {"refitted": "refitted baseline", "nominal": "nominal model"}
+"""Models that a correction must be better than, and their words."""
+
+
 def _not_better(
     model: FitResult, gains: Mapping[str, Gains], errors: _AllErrors
-) -> tuple[str | None, bool]:
-    """Reason why the correction is no better than baseline and nominal model, or None.
+) -> str | None:
+    """Reason why the correction is no better than the models before it, or None.
 
-    Also whether its gain is over the nominal model, as the baseline is no worse. A
-    refitted baseline may be far worse than the nominal model.
+    What the refitted baseline has as well need only be better than the nominal model.
     """
-    baseline = "refitted baseline"
-    nominal = "nominal model"
-    worse = _worse(errors, "refitted", baseline)
-    than_given = None
-    if errors.get("nominal") is not None:  # Of a glider of known mass and areas.
-        than_given = _worse(errors, "nominal", nominal)
-    if not gains:
-        return worse or than_given, False
-    gain = gains["refitted"]
-    over = gains.get("nominal")
-    doubt = _no_gain(gain, baseline) or worse
-    if doubt is None or over is None or not _changes_baseline_alone(model):
-        return doubt or than_given, False
-    is_lost = gain.t < -gain.least_t
-    lost = _no_gain(gain, f"{baseline}: it loses") if is_lost else None
-    return _no_gain(over, nominal) or lost or than_given, True
+    before = dict(_BEFORE)
+    over = "refitted"
+    if "nominal" in gains and _changes_baseline_alone(model):
+        over = "nominal"
+        del before["refitted"]
+    gain = gains.get(over)
+    if gain is not None and not gain.are_significant:
+        return (
+            f"On {len(gain.values)} flights, held out in folds, the correction gains "
+            f"nothing significant over the {_BEFORE[over]} (t = {gain.t:.1f}, expected "
+            f"{gain.least_t:.1f}; more with fewer flights)."
+        )
 
-
-def _no_gain(gain: Gains, over: str) -> str | None:
-    """Sentence about a correction that gains too little on held-out flights."""
-    if gain.are_significant:
-        return None
-    return (
-        f"On {len(gain.values)} flights, held out in folds, the correction gains "
-        f"nothing significant over the {over} (t = {gain.t:.1f}, expected "
-        f"{gain.least_t:.1f}; more with fewer flights)."
-    )
-
-
-def _worse(errors: _AllErrors, model: str, than: str) -> str | None:
-    """Sentence about a correction that makes held-out flights worse, flown freely."""
-    before = errors[model]
     after = errors["corrected"]
-    assert before is not None and after is not None
-    found = "the corrected model diverges"
-    if math.isfinite(after.position_rms_m):
-        if not after.position_rms_m > WORSE * before.position_rms_m:
-            return None
-        ratio = after.position_rms_m / before.position_rms_m
-        found = f"{ratio:.4g} times the error of the {than}"
-    return f"The correction makes held-out flights worse: flown freely {found}."
+    assert after is not None
+    rms = after.position_rms_m
+    for name, words in before.items():
+        other = errors.get(name)
+        if other is None:
+            continue
+        found = "the corrected model diverges"
+        if math.isfinite(rms):
+            ratio = rms / other.position_rms_m
+            if not ratio > WORSE:
+                continue
+            found = f"{ratio:.4g} times the error of the {words}"
+        return f"The correction makes held-out flights worse: flown freely {found}."
+
+    return None

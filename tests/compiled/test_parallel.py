@@ -16,10 +16,11 @@ import pytest
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects import KINDS, NO_GAUSSIANS
 from glider.sysid.fit.folds import hold_out
-from glider.sysid.fit.prediction import RolloutModel, compare
+from glider.sysid.fit.prediction import RolloutModel
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.replay.log_space import LIBRARY_SPACE, log_space
+from tests.helpers.known_truth import errors_of
 from tests.helpers.tasks import begin, fly, task_of, typical
 
 
@@ -116,7 +117,7 @@ def test_a_cluster_of_processes_finds_what_threads_find():
                 scales=model.scales,
                 per_flight_trims=False,
             )
-            errors = compare({"": (flown, task.records)}).errors[""]
+            errors = errors_of(flown, task.records)
             support = held.inclusion("profile_drag")
             return model.theta, known.covariance[0], support, errors.position_rms_m
 

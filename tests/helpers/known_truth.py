@@ -8,14 +8,15 @@ from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign
 from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.parameter_space import ParameterSpace
-from glider.sysid.fit.prediction import compare, flown_by
+from glider.sysid.fit.prediction import RolloutModel, errors_on, flown_by, predict, rms
 from glider.sysid.likelihood.fitted_functions import functions_of
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task, make_task, start_of
 from glider.sysid.replay.log_space import LIBRARY_SPACE
-from glider.sysid.replay.record import Noise, measure_noise, prepare
+from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
+from glider.sysid.replay.replayed import make_table
 from glider.sysid.replay.vehicle import make_vehicle
-from glider.sysid.result import Result
+from glider.sysid.result import Errors, Result
 
 _VENT = FreeFunction(
     kind="unexplained",
@@ -51,7 +52,15 @@ def limit_of(
         starts = starts_of(task, noise, truth)
     model = min((fit_model(task, start) for start in starts), key=lambda fit: fit.cost)
     flown = flown_by(task, model, model.scales)
-    return compare({"": (flown, unseen)}).errors[""].position_rms_m
+    return errors_of(flown, unseen).position_rms_m
+
+
+def errors_of(model: RolloutModel, records: Sequence[Record]) -> Errors:
+    """Returns the errors of a model on flights."""
+    flown = [predict(model, record) for record in records]
+    trims = [own.trim for own in flown]
+    table = make_table(records, model.theta, trims, model.gaussians)
+    return errors_on(records, flown, rms(table.residual))
 
 
 def task_of(

@@ -42,7 +42,6 @@ WIND = FoundEffect(
     indistinguishable_from=("frame_tilt",),
     depends_on=("V", "alpha"),
     inclusion=0.97,
-    spread_over_flights={"x": 0.0512},
 )
 UNEXPLAINED = FoundEffect(
     kind="unexplained",
@@ -148,7 +147,6 @@ def make_result(**changes):
             position_m=5.3e-3,
             ratio_to_floor=13.25,
             ratio_along_pitch=9.5,
-            most_by_chance=1.8,
             chance=1e-4,
             depends_on=("alpha",),
         ),
@@ -171,7 +169,6 @@ def make_result(**changes):
         ),
         noise=MeasurementNoise(position_m=4e-4, pitch_rad=2.5e-3),
         evidence_threshold=6.6,
-        seed=0,
         model=GliderModel(effects=(KINDS["wind"](x=-0.6, z=0.05),)),
         held_out=tuple(
             make_flight(f"flight_1{i:02d}.csv", 0.001 * i) for i in range(6)

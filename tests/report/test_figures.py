@@ -17,7 +17,7 @@ from glider.report.flight_figures import _MOST_FLIGHTS, flights_in_page
 from glider.report.folder import FIGURES, to_html
 from glider.report.model_figures import free_functions_figure
 from glider.report.plots.binning import binned_quantiles
-from glider.report.plots.figure import Band, Ground, Level, Line, Points
+from glider.report.plots.figure import Ground, Level, Line, Points
 from glider.report.plots.style import INKS, VARIABLES
 from tests.report.results import VARIANTS, make_flight, make_result
 
@@ -52,13 +52,9 @@ def test_every_mark_is_in_the_legend_and_has_its_colors(variant):
 
 
 def test_a_page_holds_the_numbers_of_the_figures(variant):
-    """Whatever a column is written as, the page finds the figure's numbers, rounded."""
+    """The page finds the figure's numbers, rounded."""
     figures = make_figures(variant)
     data = json.loads(json_text(page_data(figures)))
-
-    def numbers(value):
-        column = data["columns"][int(value[1:])] if isinstance(value, str) else value
-        return np.array(column, dtype=float)
 
     for name, figure in figures.items():
         found = data["figures"][name]
@@ -67,8 +63,8 @@ def test_a_page_holds_the_numbers_of_the_figures(variant):
             lines = [m for m in drawn["marks"] if m["is"] == "Line"]
             for mark, line in zip(of_kind(panel, Line), lines, strict=True):
                 finite = np.where(np.isfinite(mark.y), mark.y, math.nan)
-                np.testing.assert_allclose(numbers(line["y"]), finite, rtol=1e-4)
-    assert len({json.dumps(c) for c in data["columns"]}) == len(data["columns"])
+                numbers = np.array(line["y"], dtype=float)
+                np.testing.assert_allclose(numbers, finite, rtol=1e-4)
 
 
 def test_held_out_flights_are_drawn_as_they_are():
@@ -103,18 +99,17 @@ def test_points_have_their_flight_and_time():
         np.testing.assert_array_equal(cloud.time, table.variables["t"])
 
 
-def test_each_flight_has_its_line_of_coefficients():
+def test_coefficients_are_drawn_as_measured_and_as_modelled():
     result = make_result()
     figure = FIGURES["coefficients"](result)
     table = result.residual_after
-    thin = of_kind(figure.panels[3], Line, "measured")[0]
-    rows = thin.flight == 3
-    assert np.isnan(thin.y[rows][-1])  # A gap before the next flight.
-    lift, alpha = thin.y[rows][:-1], np.radians(thin.x[rows][:-1])
-    np.testing.assert_allclose(lift, np.sin(2.0 * alpha), atol=0.1)
-    assert set(thin.flight) == set(table.flight)
     for panel in figure.panels:
-        assert len(of_kind(panel, Band)) == 1
+        (cloud,) = of_kind(panel, Points)
+        np.testing.assert_array_equal(cloud.flight, table.flight)
+    (cloud,) = of_kind(figure.panels[3], Points, "measured")
+    np.testing.assert_allclose(cloud.y, np.sin(2.0 * np.radians(cloud.x)))
+    (line,) = of_kind(figure.panels[3], Line, "corrected")
+    np.testing.assert_allclose(line.y, np.sin(2.0 * np.radians(line.x)), atol=0.1)
 
 
 def test_what_is_unidentified_is_drawn():
@@ -208,6 +203,6 @@ def test_every_free_function_can_be_drawn():
         figure = free_functions_figure(result)
         assert figure is not None and len(figure.panels) == 1, name
         lines = [m for m in figure.panels[0].marks if isinstance(m, Line)]
-        assert len(lines) == (1 if len(kind.variables) == 1 else 3)
+        assert len(lines) == 1
         _, factor, *_ = VARIABLES[kind.variables[0]]  # Drawn where flights were.
         assert lines[0].x[[0, -1]] == pytest.approx([0.0, 0.05 * factor])

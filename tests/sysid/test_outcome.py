@@ -23,7 +23,7 @@ from glider.sysid.result import LIBRARY_SHAPE, OTHER_SHAPE, UNEXPLAINED
 from tests.helpers.lifelike import turbulence_campaign
 from tests.helpers.tasks import begin, fly, task_of
 
-NO_FOLDS = HeldOut(gains={}, chosen=[set()], alike={})
+NO_FOLDS = HeldOut(gains={}, chosen=[set()])
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,11 @@ def with_function(task, model, name):
     own = dataclasses.replace(function, coordinates=values)
     model = dataclasses.replace(model, kinds=(name,), functions=(own,))
     return types.SimpleNamespace(
-        model=model, names={name: UNEXPLAINED}, evidence={name: 50.0}, rivals=()
+        model=model,
+        names={name: UNEXPLAINED},
+        evidence={name: 50.0},
+        rivals=(),
+        alike={},
     )
 
 
@@ -72,7 +76,7 @@ def test_a_free_functions_errors_are_its_own(plain):
         changes=np.zeros((2, len(std))),
     )
     (effect,) = effects_of(task, traced, NO_FOLDS, known, {}, Signs())
-    assert effect.kind == "unexplained" and effect.family == "air"
+    assert effect.kind == "unexplained"
     peak = effect.coefficients["wind_x_peak"]
     # A Gaussian beside its neighbours, each 0.5 m/s times 0.1.
     assert 0.05 < peak.std < 0.15
@@ -120,7 +124,7 @@ def test_a_free_function_of_a_family_has_not_its_formulas_shape(plain):
     effect = entry_of(*plain, "wing's force over z", "ground_effect")
     assert effect.kind == "ground_effect" and effect.shape == OTHER_SHAPE
     assert effect.words.startswith("a wing's force that changes with z")
-    assert effect.family == "wing_force" and effect.depends_on == ("z",)
+    assert effect.depends_on == ("z",)
 
 
 def test_a_formula_and_what_bends_it_are_one_effect(plain):
@@ -138,7 +142,7 @@ def test_a_formula_and_what_bends_it_are_one_effect(plain):
     traced.names = {"profile_drag": "profile_drag", name: "profile_drag"}
     known = types.SimpleNamespace(std=lambda slot: 0.01)
     chosen = [{"profile_drag"}, {"profile_drag"}, {"profile_drag"}, set()]
-    tests = HeldOut(gains={}, chosen=chosen, alike={})
+    tests = HeldOut(gains={}, chosen=chosen)
     [effect] = effects_of(task, traced, tests, known, {}, Signs())
     assert effect.kind == "profile_drag" and effect.shape == OTHER_SHAPE
     assert effect.coefficients["cd0"].value == 0.05
@@ -161,15 +165,15 @@ def test_effects_of_sets_that_are_nearly_as_likely_are_rivals():
             (fitted("wind", "mass", "thrust", "lift over reduced_rate"), 3.0),
             (fitted("downwash", "inertia", "lift over reduced_rate"), 4.0),
         ),
+        alike={"camber": {"wing_incidence"}},
     )
-    tests = HeldOut(gains={}, chosen=[], alike={"camber": {"wing_incidence"}})
     of_rate = "lift over reduced_rate"
     names = {"camber": "camber", "mass": "mass", of_rate: "pitch_rate_lift"}
-    rivals = _rivals_of(task, traced, tests, names, "camber")
+    rivals = _rivals_of(task, traced, names, "camber")
     assert {*rivals} == {"pitch_offset", "wing_incidence", "wind", "thrust"}
-    assert _rivals_of(task, traced, tests, names, of_rate) == ("dynamic_stall",)
+    assert _rivals_of(task, traced, names, of_rate) == ("dynamic_stall",)
     names[of_rate] = "dynamic_stall"
-    assert _rivals_of(task, traced, tests, names, of_rate) == ()
+    assert _rivals_of(task, traced, names, of_rate) == ()
 
 
 # ----------------------------------------------------------------------- spreads

@@ -55,7 +55,7 @@ def test_attached_lift_is_named_with_its_coefficients(few):
     assert effect.evidence > 100.0
     assert effect.inclusion == 1.0
     assert effect.share_of_residual > 0.9
-    assert effect.shape == "library" and effect.spread_over_flights == {}
+    assert effect.shape == "library"
     assert few.spreads == {}
 
 
@@ -144,7 +144,8 @@ def test_wrong_signs_are_found():
     found = result.effects[0].coefficients
     assert {name: found[name].value for name in signs} == signs
     nominal, corrected = result.errors["nominal"], result.errors["corrected"]
-    assert corrected.position_rms_m < 0.25 * nominal.position_rms_m
+    assert max(corrected.position_rms_m, nominal.position_rms_m) < 2e-3
+    assert result.verdict == "effect_found"
 
 
 @pytest.mark.nightly

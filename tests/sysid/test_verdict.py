@@ -81,7 +81,6 @@ def verdict(
     drawn=1.0,
     chance=0.5,
     times_floor=1.5,
-    most_by_chance=1.8,
     times_along=math.nan,
     left_m=0.05,
 ):
@@ -103,7 +102,6 @@ def verdict(
         ratio_to_floor=times_floor,
         ratio_along_pitch=times_along,
         chance=chance,
-        most_by_chance=most_by_chance,
         depends_on=left_over or (),
     )
     gains = gains_of(t, t_over_nominal) if signs.are_right else {}
@@ -152,11 +150,9 @@ def test_what_a_perfect_model_would_not_leave_is_not_all_explained():
     assert word == "partly_explained"
     assert "2.02 times as much as a perfect model" in reason
     assert verdict(("wind",), times_floor=math.nan)[0] == "effect_found"
-    assert verdict(("wind",), times_floor=1.79)[0] == "effect_found"
-    assert verdict(("wind",), times_floor=1.81)[0] == "partly_explained"
-    of_few = {"most_by_chance": 3.0}  # No chance excuses more than twice.
-    assert verdict(("wind",), times_floor=1.9, **of_few)[0] == "effect_found"
-    assert verdict(("wind",), times_floor=2.1, **of_few)[0] == "partly_explained"
+    # No chance excuses more than twice.
+    assert verdict(("wind",), times_floor=1.99)[0] == "effect_found"
+    assert verdict(("wind",), times_floor=2.01)[0] == "partly_explained"
     _, reason = verdict(("wind",), chance=0.0, left_over=("alpha", "V"))
     assert reason.endswith("depending on alpha, V.")
 
@@ -169,10 +165,8 @@ def test_what_is_left_where_nothing_was_found_is_unexplained():
     assert "50 mm (RMS), 35.4 times as much as a perfect model" in reason
     assert verdict(chance=0.0, times_floor=0.99)[0] == "no_effect"
     assert verdict(chance=1.01 * UNLIKELY)[0] == "no_effect"
-    of_few = {"most_by_chance": 1.5}  # Gusts in a few flights do more.
-    assert verdict(times_floor=1.49 * MOST_LEFT, **of_few)[0] == "no_effect"
-    assert verdict(times_floor=1.51 * MOST_LEFT, **of_few)[0] == "unexplained"
-    word, reason = verdict(times_floor=4.0, doubt="the model needs gusts of 0.6 m/s")
+    doubt = {"doubt": "the model needs gusts of 0.6 m/s"}
+    word, reason = verdict(times_floor=4.0, chance=0.0, **doubt)
     assert word == "unexplained"
 
 
@@ -215,7 +209,7 @@ def test_what_is_worse_than_the_nominal_model_is_not_trusted(kinds):
     assert word == "not_trusted" and "times the error of the nominal model" in reason
     assert verdict(**given, split=0.9, drawn=0.9)[0] != "not_trusted"
     # Of what the plate has, too.
-    word, reason = verdict(("mass",), t=0.1, t_over_nominal=9.0, split=1.0, drawn=0.9)
+    word, reason = verdict(("mass",), t_over_nominal=9.0, split=1.0, drawn=0.9)
     assert word == "not_trusted" and "1.111 times the error of the nominal" in reason
 
 
@@ -273,20 +267,12 @@ def test_what_is_of_the_plate_is_held_against_the_nominal_glider():
     """Refitted, the plate has it too: there is nothing to gain over that."""
     alike = {"t": 0.1, "split": 1.02, "drawn": 2.0}
     assert verdict(("mass",), **alike)[0] == "not_trusted"
-    word, reason = verdict(("mass",), t_over_nominal=9.0, **alike)
-    assert word == "effect_found"
-    assert "refitted parameters predicts about as well" in reason
+    assert verdict(("mass",), t_over_nominal=9.0, **alike)[0] == "effect_found"
     by_chance = verdict(("mass",), t_over_nominal=LEAST_T - 0.1, **alike)
     assert by_chance[0] == "not_trusted"
     assert "over the nominal model" in by_chance[1]
     worse = alike | {"drawn": 1.0}
     assert verdict(("mass",), t_over_nominal=9.0, **worse)[0] == "not_trusted"
-    gains = alike | {"t": LEAST_T + 0.1, "split": 0.5}
-    word, reason = verdict(("center_of_pressure",), t_over_nominal=0.0, **gains)
-    assert word == "effect_found"  # It travels: the plate does not.
-    assert "refitted" not in reason
-    lost = alike | {"t": -LEAST_T - 0.1}
-    assert verdict(("mass",), t_over_nominal=9.0, **lost)[0] == "not_trusted"
 
 
 @pytest.mark.parametrize(

@@ -361,7 +361,8 @@ def test_the_check_says_what_it_accounts_for(source, capsys):
     assert f"It accounts for {words}." in said
     assert main([*asked, "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
-    assert (report["command_error_rad_s"], report["wind_m_s"]) == (0.7, 0.02)
+    loop = report["loop"]
+    assert (loop["command_error_rad_s"], loop["wind_m_s"]) == (0.7, 0.02)
 
 
 @pytest.mark.parametrize(

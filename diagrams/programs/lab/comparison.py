@@ -20,7 +20,6 @@ from glider.physics.model import GliderModel
 from glider.report.as_page import page_data
 from glider.report.flight_figures import flight_panels
 from glider.report.plots.figure import Axis, Figure, Line, Panel, Points
-from glider.report.plots.style import LABELS
 from glider.simulation.refly import Motion, nominal_parameters, position_errors, refly
 from glider.sysid.fit.prediction import RolloutModel, beginning_rows
 from glider.sysid.replay.vehicle import make_vehicle
@@ -62,7 +61,7 @@ class Comparison:
             flown=flown,
             fitted_until=self.fitted_until,
         )
-        keys = {name: LABELS[name] for name in self.motions}
+        keys = {name: name for name in self.motions}
         panels = flight_panels(flight)
         if models:
             keys["fitted"] = "launch state fitted"
@@ -83,7 +82,7 @@ class Comparison:
         lines = []
         for name, motion in self.motions.items():
             angles = np.degrees(motion.poses[:, 3])
-            hover = f"{LABELS[name]}<br>%{{x:.3f}} s: %{{y:.1f}}°"
+            hover = f"{name}<br>%{{x:.3f}} s: %{{y:.1f}}°"
             lines.append(Line(name, motion.time, angles, hover=hover))
         models = " and by its commands" if len(lines) > 1 else ""
         title = f"elevator, measured{models}, trailing edge up > 0 [°]"

@@ -69,8 +69,8 @@ def _refuse_fast_commands(campaign: Campaign) -> None:
     if usual > _MORE * rate:
         raise InputError(
             f"{campaign.path}: column 'elevator_rate_command' changes {usual:.3g} "
-            f"times a second; expected {rate:.4g} at most, as field 'command_rate' says "
-            "(log what the servo gets, not what a controller asks in between)."
+            f"times a second; expected {rate:.4g} at most, as field 'command_rate' "
+            "says (log what the servo gets, not what a controller asks in between)."
         )
 
 

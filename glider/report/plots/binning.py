@@ -7,29 +7,16 @@ import numpy as np
 _POINTS = 1500  # Largest number of points that a cloud shows; its medians take all.
 
 
-def bounds(
-    values: np.ndarray,
-    margin: float = 0.08,
-    quantile: float = 0.004,
-    around: float | None = None,
-) -> tuple[float, float] | None:
-    """Limits of an axis that shows the points; a few outliers do not squash it.
+def bounds(values: np.ndarray, quantile: float = 0.004) -> tuple[float, float] | None:
+    """Limits of an axis that shows the points; there are none where none is finite.
 
-    Args:
-        values: of the points; there are no limits where none is finite.
-        margin: added at both ends, relative to the range.
-        quantile: of points that may lie outside at each end.
-        around: a value that must lie inside.
+    So many of them may lie outside at each end: outliers do not squash it.
     """
     values = values[np.isfinite(values)]
     if values.size == 0:
         return None
-    ends = np.quantile(values, [quantile, 1.0 - quantile])
-    if around is not None:
-        ends = np.append(ends, around)
-    low = float(ends.min())
-    high = float(ends.max())
-    pad = margin * (high - low) or 0.05 * abs(high) or 1.0
+    low, high = np.quantile(values, [quantile, 1.0 - quantile]).tolist()
+    pad = 0.08 * (high - low) or 0.05 * abs(high) or 1.0
     return low - pad, high + pad
 
 
@@ -48,22 +35,14 @@ def binned_quantiles(
     bins: int = 18,
     fewest: int = 8,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean x (m,) and quantiles of y (q, m) of equally wide bins.
+    """Mean x (m,) and quantiles of y (q, m) of bins of equally many points.
 
-    Bins that hold fewer than so many points are omitted.
+    They hold at least so many; of fewer points there is no bin.
     """
-    keep = np.isfinite(x) & np.isfinite(y)
-    x = x[keep]
-    y = y[keep]
-    means = []
-    found = []
-    if x.size >= fewest:
-        low, high = np.quantile(x, [0.005, 0.995])
-        edges = np.linspace(low, high, bins + 1)
-        index = np.digitize(x, edges[1:-1])
-        for k in range(bins):
-            own = index == k
-            if np.count_nonzero(own) >= fewest:
-                means.append(x[own].mean())
-                found.append(np.quantile(y[own], quantiles))
-    return np.array(means), np.reshape(found, (-1, len(quantiles))).T
+    keep = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    order = keep[np.argsort(x[keep], kind="stable")]
+    count = min(bins, len(order) // fewest)
+    own = np.array_split(order, count) if count else []
+    means = np.array([x[rows].mean() for rows in own])
+    found = [np.quantile(y[rows], quantiles) for rows in own]
+    return means, np.reshape(found, (-1, len(quantiles))).T

@@ -36,10 +36,8 @@ class Line:
     hover: str = "%{x:.3r}: %{y:.3r}"
     extra: np.ndarray | None = None  #: (n,) a further number for `hover`.
     width: float | None = None  #: By default that of the key.
-    opacity: float = 1.0
     has_dots: bool = False  #: At its points.
     is_solid: bool = False  #: Without the dashes of its key.
-    flight: np.ndarray | None = None  #: (n,) index into the flights to pick from.
 
     @property
     def line_width(self) -> float:
@@ -73,7 +71,6 @@ class Points:
     hover: str = "%{x:.3r}: %{y:.3r}"  #: Empty for nothing.
     size: float = 7.0  #: In pixels.
     opacity: float = 1.0
-    names: Sequence[str] = ()  #: For `hover`.
     flight: np.ndarray | None = None  #: (n,) index into the flights to pick from.
     time: np.ndarray | None = None  #: (n,) of each point [s], for the same.
 
@@ -88,11 +85,10 @@ class Level:
 
 @dataclasses.dataclass(frozen=True)
 class Ground:
-    """A pale background over a span of x, or of y."""
+    """A pale background over a span of x."""
 
     start: float
     end: float
-    along: str = "x"
     key: str = "soft"
 
 
@@ -129,4 +125,3 @@ class Figure:
     panels: Sequence[Panel] = ()  #: That are always shown.
     choices: Sequence[Choice] = ()  #: Of which the reader of a page shows some.
     flights: Sequence[str] = ()  #: Of which the reader of a page may pick one.
-    least_width: float = 18.5  #: Of a panel of a page, in its letters [rem].

@@ -43,14 +43,6 @@ WIDTHS = {
 }
 """Widths of lines; those not named are thinner, and show what lies below."""
 
-LABELS = {
-    "measured": "measured",
-    "nominal": "nominal",
-    "refitted": "refitted",
-    "corrected": "corrected",
-}
-"""Model to its name, in the order in which models are shown."""
-
 TERMS = {
     "c_normal": "normal force $C_n$",
     "c_axial": "axial force $C_a$",

@@ -3,7 +3,7 @@
 
 // Draws figures into the elements that name them; until the signal, if any, it redraws
 // them when the colors change.
-function drawFigures({ figures, columns }, signal) {
+function drawFigures({ figures }, signal) {
   const root = document.documentElement;
   const isTouch = window.matchMedia("(pointer: coarse)").matches;
 
@@ -17,19 +17,16 @@ function drawFigures({ figures, columns }, signal) {
     return `rgba(${channel(1)},${channel(3)},${channel(5)},${opacity})`;
   }
 
-  // Numbers of a mark: a column of the page, or the numbers themselves.
-  const column = (value) => (typeof value === "string" ? columns[value.slice(1)] : value);
-
   const scatter = ({ x, y, hover, opacity }) => ({
-    type: "scatter", x: column(x), y: column(y), opacity,
+    type: "scatter", x, y, opacity,
     ...(hover ? { hoverinfo: "all", hovertemplate: `${hover}<extra></extra>` } : { hoverinfo: "skip" }),
   });
 
   // Traces of plotly.js for each kind of mark of glider/report/plots/figure.py.
   const TRACES = {
     Band: ({ key, x, low, high }) => {
-      const edge = { type: "scatter", mode: "lines", x: column(x), hoverinfo: "skip", line: { width: 0, color: color(key) } };
-      return [{ ...edge, y: column(low) }, { ...edge, y: column(high), fill: "tonexty", fillcolor: color(`${key}/0.17`) }];
+      const edge = { type: "scatter", mode: "lines", x, hoverinfo: "skip", line: { width: 0, color: color(key) } };
+      return [{ ...edge, y: low }, { ...edge, y: high, fill: "tonexty", fillcolor: color(`${key}/0.17`) }];
     },
     Line: (mark) => {
       const { key, line_width: width, dashes, has_dots, extra } = mark;
@@ -38,15 +35,12 @@ function drawFigures({ figures, columns }, signal) {
         ...scatter(mark), mode: has_dots ? "lines+markers" : "lines",
         line: { color: color(key), width, dash },
         ...(has_dots ? { marker: { color: color(key), size: 8 } } : {}),
-        ...(extra ? { customdata: column(extra) } : {}),
+        ...(extra ? { customdata: extra } : {}),
       }];
     },
     Points: (mark) => {
-      const { key, size, names } = mark;
-      return [{
-        ...scatter(mark), mode: "markers", marker: { color: color(key), size },
-        ...(names.length ? { hovertext: names } : {}),
-      }];
+      const { key, size } = mark;
+      return [{ ...scatter(mark), mode: "markers", marker: { color: color(key), size } }];
     },
   };
 
@@ -56,13 +50,10 @@ function drawFigures({ figures, columns }, signal) {
       type: "line", xref: "paper", x0: 0, x1: 1, y0: value, y1: value, layer: "below",
       line: { color: color("soft"), width: 1, ...(is_dotted ? { dash: "dot" } : {}) },
     }),
-    Ground: ({ key, along, start, end }) => {
-      const across = along === "x" ? "y" : "x";
-      return {
-        type: "rect", layer: "below", line: { width: 0 }, fillcolor: color(`${key}/0.14`),
-        [`${across}ref`]: "paper", [`${across}0`]: 0, [`${across}1`]: 1, [`${along}0`]: start, [`${along}1`]: end,
-      };
-    },
+    Ground: ({ key, start, end }) => ({
+      type: "rect", layer: "below", line: { width: 0 }, fillcolor: color(`${key}/0.14`),
+      yref: "paper", y0: 0, y1: 1, x0: start, x1: end,
+    }),
   };
 
   function element(tag, className, parent, text) {
@@ -110,7 +101,7 @@ function drawFigures({ figures, columns }, signal) {
       if (this.flights.length) this.makeFlights(element("label", "tools", node, "flights "));
       if (this.choices.length) this.makeChoices(node);
       this.place = element("div", "panels", node);
-      this.place.style.setProperty("--least", `${this.least_width}rem`);
+      this.place.style.setProperty("--least", "18.5rem");
       this.fill();
     }
 
@@ -203,14 +194,10 @@ function drawFigures({ figures, columns }, signal) {
 
     // Each row has its flight and time; those of other flights are hidden.
     pickFlight({ flight, time }, trace) {
-      const of = column(flight), times = time ? column(time) : [];
-      const rows = [...of.keys()].filter((i) => this.flight === null || of[i] === this.flight);
-      const said = (t) => (t === null || t === undefined ? "" : `, ${t.toFixed(3)} s`);
-      trace.text = rows.map((i) => this.flights[of[i]] + said(times[i]));
+      const rows = [...flight.keys()].filter((i) => this.flight === null || flight[i] === this.flight);
+      const said = (t) => (t === null ? "" : `, ${t.toFixed(3)} s`);
+      trace.text = rows.map((i) => this.flights[flight[i]] + said(time[i]));
       for (const axis of ["x", "y"]) trace[axis] = rows.map((i) => trace[axis][i]);
-      if (this.flight !== null && trace.mode === "lines") {
-        Object.assign(trace, { opacity: 1, line: { ...trace.line, width: 2.2 } });
-      }
     }
 
     // Zooms the panels that share an axis with one that was zoomed.

@@ -9,13 +9,12 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from glider.campaign.smoothing import smoothing_maps
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.physics.state import NUM_STATES
-from glider.sysid import constants
 from glider.sysid.fit.prediction import (
     RolloutModel,
     beginning_rows,
@@ -29,7 +28,10 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.replay.record import Record
 from glider.sysid.result import EquationErrors, Errors
 
-_REPLICAS = 100  # Of a flight: see `Floor.accuracy`.
+_REPLICAS = 100  # Of a flight.
+# Relative error of the RMS over them: a square of two coordinates scatters by as much
+# as its mean; half of that remains in the root.
+_ACCURACY = 0.5 / _REPLICAS**0.5
 _LARGEST = 10.0  # Error above which a replica or a model says nothing [m].
 _GROWTH = 1.0 / np.sqrt(np.finfo(float).eps)
 """Growth of deviations along a flight, in any units, up to which it can be predicted:
@@ -51,37 +53,12 @@ class Floor:
         means = self.squares.mean(axis=2)[:, :2]
         return np.all(means < _LARGEST**2, axis=1)
 
-    @property
-    def accuracy(self) -> float:
-        """Relative error of the RMS over so many replicas of a flight.
-
-        A square of two coordinates scatters by as much as its mean; half of that
-        remains in the root.
-        """
-        return float(0.5 / np.sqrt(self.squares.shape[2]))
-
     def errors(self, equation: EquationErrors, flights: int) -> Errors:
         """Errors on the first flights, those of accelerations given."""
         known = np.flatnonzero(self._is_known[:flights])
         if not len(known):
             return errors_from(np.full((1, 4, 1), np.nan), np.ones(1), equation)
         return errors_from(self.squares[known], self.rows[known], equation)
-
-    def most_by_chance(self, flights: int) -> float:
-        """Position RMS of the first flights over that of `errors`, at most by chance.
-
-        A perfect model leaves more with the probability UNLIKELY: logarithms of the RMS
-        are taken as normal, and a floor is known to its accuracy. Infinity where the
-        floor of one of the flights is not known.
-        """
-        if not 0 < flights <= len(self.rows) or not self._is_known[:flights].all():
-            return np.inf
-        of_flights = self.squares[:flights, 0]
-        rows = self.rows[:flights]
-        squares = np.average(of_flights, axis=0, weights=rows)
-        logs = 0.5 * np.log(squares / squares.mean())
-        spread = np.hypot(logs.std(), self.accuracy)
-        return float(np.exp(logs.mean() - ndtri(constants.UNLIKELY) * spread))
 
     def chance(self, paths: np.ndarray) -> float:
         """Probability that a perfect model leaves as much, of paths (F, 2).
@@ -97,7 +74,7 @@ class Floor:
         errors = np.log(np.clip(errors, 1e-9, _LARGEST))
         apart = near_median(errors - drawn.mean(axis=2))
         error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
-        z = apart.mean(axis=0) / np.hypot(error, self.accuracy)
+        z = apart.mean(axis=0) / np.hypot(error, _ACCURACY)
         return min(1.0, 2.0 * float(ndtr(-z).min()))
 
 
@@ -117,6 +94,7 @@ def find_floor(
         lambda own: _squares(model, own[0], own[1], truth, pitch_ratio),
         zip(records, rng.spawn(len(records)), strict=True),
     )
+
     rows = np.array([np.count_nonzero(r.seen[:, 0]) for r in records])
     return Floor(rows=rows, squares=np.array(squares))
 
@@ -143,6 +121,7 @@ class _Deviations:
             if shocks is not None:
                 following += shocks[k]
             states.append(following)
+
         return self.shows @ np.array(states)
 
 

@@ -11,17 +11,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
+from glider.compiled.parallel import in_parallel
 from glider.physics.confidence import LEVEL
-from glider.sysid.constants import CLEAR, FOLDS, RIVAL_GAP
+from glider.sysid.constants import FOLDS
 from glider.sysid.fit.prediction import near_median
-from glider.sysid.fit.session import find_change
 from glider.sysid.likelihood.candidates import gather_in_parts
+from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.information import counted_from, solve_scaled
 from glider.sysid.likelihood.model_fit import error_flights, in_surroundings
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.result import Change
-from glider.sysid.search.subsets import Members, Scorer, climb, columns_of, scorer_of
-from glider.sysid.search.tracing import without_late
+from glider.sysid.search.subsets import climb, columns_of, scorer_of
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -58,8 +57,6 @@ class HeldOut(NamedTuple):
 
     gains: dict[str, Gains]  #: Of the corrected model over each other one, by name.
     chosen: list[set[str]]  #: Effects that are found without each part of the flights.
-    alike: dict[str, set[str]]  #: Of each effect, what would do as well in its place.
-    change: Change | None  #: Of the glider, that their order shows.
 
     def inclusion(self, kind: str) -> float:
         """Returns the share of the parts without which an effect is found."""
@@ -75,8 +72,8 @@ def hold_out(
 ) -> HeldOut:
     """Holds out each flight once, in one of FOLDS parts.
 
-    The effects of the corrected model are searched again without the flights; of the
-    others all coefficients are refitted.
+    The effects of the corrected model are searched again without the flights, among
+    the task's formulas; of the others all coefficients are refitted.
     """
     count = len(task.records)
     order = rng.permutation(count)
@@ -85,70 +82,37 @@ def hold_out(
         part = np.sort(order[k::FOLDS])
         parts.append(part.tolist())
 
-    linear = _LinearFlights(without_late(task, corrected.kinds), corrected)
-    score = linear.scorer([])
-    found = score.by_first(corrected.kinds)
-    offered, alike = _near(score, found)
+    linear = LinearFlights(task, corrected)
     chosen = []
     columns = []
     for part in parts:
-        score = linear.scorer(part).among(offered)
-        members = climb(score, found)
+        score = scorer_of(linear.candidates, np.delete(linear.grams, part, axis=0))
+        members = climb(score, score.by_first(corrected.kinds))
         chosen.append({kind for kind, _ in members})
         columns.append([*linear.candidates.always, *columns_of(members)])
 
     costs = linear.costs(parts, columns)
     gains = {}
     for name, model in others.items():
-        other = _LinearFlights(task.offering(()), model)
+        other = LinearFlights(task.offering(()), model)
         every = range(len(other.prior.mean))
         lost = other.costs(parts, [every] * len(parts))
         gains[name] = Gains(values=lost - costs)
 
-    [of_orders] = rng.spawn(1)
-    change = find_change(linear.candidates, linear.grams, linear.prior, of_orders)
-    return HeldOut(gains, chosen, alike, change)
+    return HeldOut(gains, chosen)
 
 
-def _near(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[str]]]:
-    """Returns effects of sets near one, and what would do as well in place of each.
-
-    Farther away, errors of the linearization look like effects.
-    """
-    kinds = {kind for kind, _ in found}
-    offered = set(kinds)
-    alike: dict[str, set[str]] = {kind: set() for kind in kinds}
-    best = score(found)
-    for other in (*score.larger(found), *score.swapped(found)):
-        kind, _ = other[-1]
-        lost = best - score(other)
-        if lost < CLEAR:
-            offered.add(kind)
-        if kind not in kinds and lost < RIVAL_GAP:
-            left = {name for name, _ in other}
-            for gone in kinds - left:
-                alike[gone].add(kind)
-
-    return offered, alike
-
-
-class _LinearFlights:
+class LinearFlights:
     """Flights about a model that was fitted to them, or to others."""
 
     def __init__(self, task: Task, model: FitResult):
         flights = error_flights(task, model)
         model = in_surroundings(task, model, flights)
-        found = gather_in_parts(task, model, model.scales)
-        self.candidates, self.grams, now = found
-        self.given, self.prior = self.candidates.nothing()
         # The likelihood is a square of changes and what depends on the scales alone.
-        self.constant = now - 0.5 * self.grams[:, -1, -1]
-
-    def scorer(self, part: list[int]) -> Scorer:
-        """Returns the evidence of sets without a part of the flights."""
-        counts = np.ones(len(self.grams))
-        counts[part] = 0.0
-        return scorer_of(self.candidates, self.grams, counts)
+        whitened = in_parallel(lambda f: whiten(f, model.scales), flights)
+        self.constant = np.array([0.5 * own.log_variances.sum() for own in whitened])
+        self.candidates, self.grams = gather_in_parts(task, model, model.scales)
+        self.given, self.prior = self.candidates.nothing()
 
     def costs(
         self, parts: Sequence[list[int]], columns: Sequence[Sequence[int]]
@@ -163,25 +127,19 @@ class _LinearFlights:
         costs = np.empty(len(self.grams))
         for part, some in zip(parts, columns, strict=True):
             own = list(some)
-            rest = np.delete(self.grams, part, axis=0)
-            known = counted_from(rest.sum(axis=0), self.given)
-
+            rest = self.grams.sum(axis=0) - self.grams[part].sum(axis=0)
+            known = counted_from(rest, self.given)
             prior = self.prior.among(own)
             keep = [*own, -1]
-            change = prior.best_step(known[np.ix_(keep, keep)])
             step = np.zeros(len(self.prior.mean))
-            step[own] = change
-
-            is_open = (prior.lower < change) & (change < prior.upper)
-            free = np.array(own, dtype=int)[is_open]
-            hessian = known[np.ix_(free, free)]
-            hessian = hessian + np.diag(prior.precision[is_open])
+            step[own] = prior.best_step(known[np.ix_(keep, keep)])
+            hessian = known[np.ix_(own, own)] + np.diag(prior.precision)
             unseen = counted_from(self.grams[part], self.given - step)
-            added = unseen[:, free[:, None], free]
-            error = unseen[:, free, -1]
+            added = unseen[:, np.array(own)[:, None], own]
+            error = unseen[:, own, -1]
             moved = solve_scaled(hessian + added, error, 0.0)
             more = np.sum(moved * error, axis=1)
-            grown = np.eye(len(free)) + np.linalg.solve(hessian, added)
+            grown = np.eye(len(own)) + np.linalg.solve(hessian, added)
             _, volume = np.linalg.slogdet(grown)
             left = unseen[:, -1, -1] - more + volume
             costs[part] = self.constant[part] + 0.5 * left

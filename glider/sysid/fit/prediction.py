@@ -6,15 +6,13 @@ elevator of the whole flight; then the model flies on alone to the end.
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import leastsq
 
 from glider.campaign.checks.motion import robust_std
 from glider.compiled.filter_error import ELEVATOR, PROCESSES
-from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import OFFSET, LogPath, roll_out
 from glider.physics.effects import Gaussians
 from glider.physics.state import NUM_STATES
@@ -31,7 +29,7 @@ from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import make_table, true_nodes
+from glider.sysid.replay.replayed import true_nodes
 from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
 _LAUNCHES = 1024  # Launches that are kept: two models' of 500 flights.
@@ -183,38 +181,14 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     return Prediction(pose=pose, translated=along, trim=float(trim))
 
 
-class Compared(NamedTuple):
-    """Predictions of the same flights by several models, by name."""
-
-    predictions: dict[str, list[Prediction]]
-    kept: list[int]  #: Flights that at least one model flies to the end, or all.
-    errors: dict[str, Errors]  #: On these.
-
-
-def compare(models: Mapping[str, tuple[RolloutModel, Sequence[Record]]]) -> Compared:
-    """Predicts flights by models, each with its records of them."""
-    found = {
-        name: in_parallel(functools.partial(predict, model), records)
-        for name, (model, records) in models.items()
-    }
-    finite = [
-        any(np.isfinite([*p.pose.flat, *p.translated.flat]).all() for p in own)
-        for own in zip(*found.values(), strict=True)
-    ]
-    kept = [i for i, is_flown in enumerate(finite) if is_flown or not any(finite)]
-    errors = {}
-    for name, (model, all_records) in models.items():
-        records = [all_records[i] for i in kept]
-        flown = [found[name][i] for i in kept]
-        rows = np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
-        trims = [predicted.trim for predicted in flown]
-        table = make_table(records, model.theta, trims, model.gaussians)
-        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-            squares = [*map(mean_squares, records, flown)]
-            equation = rms(table.residual)
-            errors[name] = errors_from(np.array(squares)[..., None], rows, equation)
-
-    return Compared(found, kept, errors)
+def errors_on(
+    records: Sequence[Record], flown: Sequence[Prediction], equation: EquationErrors
+) -> Errors:
+    """Returns the errors of a model on flights, those of accelerations given."""
+    rows = np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+        squares = np.array([*map(mean_squares, records, flown)])
+        return errors_from(squares[..., None], rows, equation)
 
 
 def rms(accelerations: np.ndarray) -> EquationErrors:

@@ -18,9 +18,12 @@ import numpy as np
 from scipy.special import stdtr
 
 from glider.sysid.constants import LEAST_SPREAD
+from glider.sysid.fit.folds import LinearFlights
 from glider.sysid.likelihood.candidates import Candidates
 from glider.sysid.likelihood.model_fit import Prior
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import Change
+from glider.sysid.search.tracing import without_late
 
 # Probability with which a session without a change is said to have one (c): half of it
 # for each of the two tests.
@@ -39,9 +42,26 @@ class _Gains(NamedTuple):
 
 
 def find_change(
-    candidates: Candidates, grams: np.ndarray, prior: Prior, rng: np.random.Generator
+    session: Task, model: FitResult, rng: np.random.Generator
 ) -> Change | None:
     """Finds the change of a coefficient that the order of the flights shows.
+
+    Of the library's formulas, about the model that was fitted to the flights.
+
+    Args:
+        session: all flights; their names have the order.
+        model: that was fitted to them.
+        rng: for permutations of the flights.
+    """
+    formulas = without_late(session, model.kinds)
+    flights = LinearFlights(formulas.offering(formulas.kinds), model)
+    return change_of(flights.candidates, flights.grams, flights.prior, rng)
+
+
+def change_of(
+    candidates: Candidates, grams: np.ndarray, prior: Prior, rng: np.random.Generator
+) -> Change | None:
+    """Finds the change that the information of the flights shows.
 
     That of the largest gain among those as large as a variation over flights that is
     reported. It is not put down to chance if the values of the coefficient in the

@@ -1,7 +1,7 @@
 """Candidate effects as columns of all flights, linear about one model."""
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from glider.compiled.parallel import in_parallel
 from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
-from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
+from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.fitted_functions import FittedFunction, terms_of
 from glider.sysid.likelihood.information import (
     Evidence,
@@ -28,7 +28,7 @@ _Variant = tuple[int, ...]  # Columns of an effect with one choice of starting s
 _STRENGTHS = 0.1, 0.3, 1.0  # Tried of a free function that does not act yet.
 _LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has.
 _AT_ONCE = 4  # Flights whose information is in memory at once.
-_IN_PART = 32  # Flights whose columns are.
+_IN_PART = 8  # Flights whose columns are.
 _MOST_ENTRIES = 1_000_000  # Of matrices that are solved at once, for the memory.
 _SLACK = 1e-9  # Rounding by which a bound may be passed.
 
@@ -63,42 +63,20 @@ class Candidates:
         unknown = [j for j, slot in enumerate(self.slots) if slot in own]
         return [*unknown, *sorted(j for place in given for j in place)]
 
-    def offering(self, functions: Iterable[FittedFunction]) -> "Candidates":
-        """Returns the candidates with those functions that do not act yet; once."""
-        assert not self.functions
-        new = tuple(b for b in functions if b.count and b.name not in self.model.kinds)
-        scaled = [*self.columns]
-        variants = {**self.variants}
-        first = len(self.columns)
-        for function in new:
-            own = list[_Variant]()
-            for strength in _STRENGTHS:
-                begin = len(scaled)
-                scaled += [(first + j, strength) for j in range(function.count)]
-                own.append(tuple(range(begin, len(scaled))))
-
-            variants[function.name] = tuple(own)
-            first += function.count
-
-        return dataclasses.replace(
-            self, variants=variants, functions=new, columns=tuple(scaled)
-        )
-
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
-        return np.stack(self._grams(self.flights, scales))
+        return self._grams(self.flights, scales)
 
     def total(self, scales: Scales) -> np.ndarray:
         """Returns the sum of `grams`, a few flights' at a time in memory."""
         total = np.zeros(())
         for k in range(0, len(self.flights), _AT_ONCE):
-            for gram in self._grams(self.flights[k : k + _AT_ONCE], scales):
-                total = total + gram
+            few = self._grams(self.flights[k : k + _AT_ONCE], scales)
+            total = total + few.sum(axis=0)
+
         return total
 
-    def _grams(
-        self, flights: Sequence[LinearFlight], scales: Scales
-    ) -> list[np.ndarray]:
+    def _grams(self, flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
         theta = self.model.theta
         gaussians = self.model.gaussians
         functions = self.functions
@@ -107,7 +85,7 @@ class Candidates:
             whole = model_fit.with_functions(flight, theta, gaussians, functions)
             return whiten(whole, scales).gram
 
-        return in_parallel(one, flights)
+        return np.stack(in_parallel(one, flights))
 
     def nothing(self) -> tuple[np.ndarray, model_fit.Prior]:
         """Returns the model without effects, and the prior about it.
@@ -153,46 +131,43 @@ class HeldOutEvidence:
     unknown parameters of the vehicle refitted without it.
     """
 
-    def __init__(self, candidates: Candidates, grams: np.ndarray, counts: np.ndarray):
-        """Takes the flights' information and how often each counts."""
-        drawn = np.flatnonzero(counts)
-        self._counts = counts[drawn]
+    def __init__(self, candidates: Candidates, grams: np.ndarray):
+        """Takes the flights' information."""
         self._always = np.array(candidates.always, int)
         share, self._prior = candidates.nothing()
-        self._own = counted_from(grams[drawn], share)
-        weighted = self._counts[:, None, None] * self._own
-        self._sum = weighted.sum(axis=0, keepdims=True)
-        self._rest = self._sum - weighted
+        self._own = counted_from(grams, share)
+        self._sum = self._own.sum(axis=0, keepdims=True)
+        self._rest = self._sum - self._own
         self._alone = self._costs(self._always[None])
 
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
     ) -> list[float]:
         """Gain of columns with each of several others over none; -inf: not physical."""
+        always = len(self._always)
         sets = [[*self._always, *columns, *variant] for variant in more]
+        sizes = np.array([len(own) for own in sets])
         gains = np.zeros(len(sets))
-        for size in {*map(len, sets)} - {len(self._always)}:
-            at = np.flatnonzero([len(own) == size for own in sets])
+        for size in np.unique(sizes[sizes > always]):
+            at = np.flatnonzero(sizes == size)
             parts = 1 + len(at) * len(self._own) * size**2 // _MOST_ENTRIES
             for part in np.array_split(at, min(parts, len(at))):
                 own = np.array([sets[i] for i in part])
-                gain = self._counts @ (self._alone - self._costs(own))
-                gains[part] = np.where(self._are_physical(own), gain, -np.inf)
+                step = self._steps(self._sum, own)[0]
+                lower = self._prior.lower[own]
+                upper = self._prior.upper[own]
+                is_out = step < lower - _SLACK * np.abs(lower)
+                is_out |= step > upper + _SLACK * np.abs(upper)
+                gain = np.sum(self._alone - self._costs(own), axis=0)
+                is_physical = ~is_out[:, always:].any(axis=1)
+                gains[part] = np.where(is_physical, gain, -np.inf)
+
         return gains.tolist()
 
     def step(self, columns: Sequence[int]) -> np.ndarray:
         """Returns the coefficients of columns, counted from zero."""
         sets = np.array([[*self._always, *columns]], dtype=int)
         return self._steps(self._sum, sets)[0, 0, len(self._always) :]
-
-    def _are_physical(self, sets: np.ndarray) -> np.ndarray:
-        """Returns whether columns of sets (v, m) take physical values, (v,)."""
-        steps = self._steps(self._sum, sets)[0]
-        lower = self._prior.lower[sets]
-        upper = self._prior.upper[sets]
-        is_out = steps < lower - _SLACK * np.abs(lower)
-        is_out |= steps > upper + _SLACK * np.abs(upper)
-        return ~is_out[:, len(self._always) :].any(axis=1)
 
     def _steps(self, grams: np.ndarray, sets: np.ndarray) -> np.ndarray:
         """Returns the likeliest changes (n, v, m) by information (n, M + 1, M + 1)."""
@@ -209,13 +184,15 @@ class HeldOutEvidence:
         return 0.5 * np.sum(weights * (own @ weights[..., None])[..., 0], axis=2)
 
 
-def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidates:
+def gather(task: Task, model: FitResult) -> Candidates:
     """Linearizes all flights about a model, in all candidates.
 
-    Functions that act in the model are candidates too; others, of `terms`, may be
-    offered later.
+    Free functions are candidates too, those that do not act yet by their leading
+    coordinates, with several strengths.
     """
     space = task.space
+    leading = [own.leading_only for own in task.functions.values()]
+    functions = [own for own in leading if own.count and own.name not in model.kinds]
     own = set(task.vehicle.nuisance)
     directions = slopes(space, model.free)
     idle = own | _at_bounds(task, model)
@@ -232,34 +209,45 @@ def gather(task: Task, model: FitResult, terms: Iterable[str] = ()) -> Candidate
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
 
-    flights = model_fit.linear_flights(task, model, directions, terms)
+    flights = model_fit.linear_flights(task, model, directions, terms_of(functions))
     wild = tame(task, directions, flights)
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
+
     places = model.places(len(directions))
     variants |= {kind: [tuple(places[kind])] for kind in model.free_kinds}
-    count = len(directions) + len(model.coordinates)
+    first = len(directions) + len(model.coordinates)
+    scaled = [(j, 1.0) for j in range(first)]
+    for function in functions:
+        variants[function.name] = []
+        for strength in _STRENGTHS:
+            begin = len(scaled)
+            scaled += [(first + j, strength) for j in range(function.count)]
+            variants[function.name].append(tuple(range(begin, len(scaled))))
+
+        first += function.count
+
     return Candidates(
         task=task,
         model=model,
         directions=tuple(directions),
         variants={kind: tuple(own) for kind, own in variants.items() if own},
         flights=flights,
-        columns=tuple((j, 1.0) for j in range(count)),
+        functions=tuple(functions),
+        columns=tuple(scaled),
     )
 
 
 def gather_in_parts(
     task: Task, model: FitResult, scales: Scales
-) -> tuple[Candidates, np.ndarray, np.ndarray]:
-    """Gathers candidates on many flights, a few of which are in memory at once.
+) -> tuple[Candidates, np.ndarray]:
+    """Gathers formulas on many flights, a few of which are in memory at once.
 
     Returns:
-        the candidates without flights, `grams` of all, and the cost of each flight at
-        the model (flights,) [nats].
+        the candidates without flights, and `grams` of all.
     """
+    task = task.offering(task.kinds)
     records = task.records
-    costs = []
     parts = list[Candidates]()
     grams = np.empty((0, 0, 0))
     for k in range(0, len(records), _IN_PART):
@@ -268,18 +256,16 @@ def gather_in_parts(
         if not k:  # Not stacked afterwards, which takes twice the memory.
             grams = np.empty((len(records), *found.shape[1:]))
         grams[k : k + _IN_PART] = found
-        now = [flight.error_only() for flight in part.flights]
-        costs.append(negative_log_likelihood(now, scales))
-        part = dataclasses.replace(part, flights=())  # Before there are others.
-        parts.append(part)
+        parts.append(dataclasses.replace(part, flights=()))
+        del part  # Before there are others.
 
     kept = {  # What diverges on some flights is offered on none.
         kind: tuple(v for v in own if all(v in p.variants.get(kind, ()) for p in parts))
         for kind, own in parts[0].variants.items()
     }
+
     variants = {k: own for k, own in kept.items() if own or k in model.kinds}
-    whole = dataclasses.replace(parts[0], task=task, variants=variants)
-    return whole, grams, np.concatenate(costs)
+    return dataclasses.replace(parts[0], task=task, variants=variants), grams
 
 
 def _at_bounds(task: Task, model: FitResult) -> set[int]:
@@ -303,8 +289,7 @@ def survey(task: Task, model: FitResult) -> dict[str, float]:
     On a few flights; minus infinity where the model diverges.
     """
     few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
-    functions = few.functions.values()
-    candidates = gather(few, model, terms_of(functions)).offering(functions)
+    candidates = gather(few, model)
     gram = candidates.total(model.scales)
     names = [function.name for function in candidates.functions]
     if not np.all(np.isfinite(gram)):
@@ -327,6 +312,7 @@ def tame(
     wild = np.flatnonzero(~is_tame)
     for flight in flights:
         flight.inputs[..., wild] = 0.0
+
     return set(wild.tolist())
 
 

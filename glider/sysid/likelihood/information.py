@@ -53,15 +53,16 @@ def bounded_step(
     hessian = information[:-1, :-1]
     right = information[:-1, -1]
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(hessian), 1e-300))
-    values, vectors = np.linalg.eigh(hessian * scale[:, None] * scale)
-    roots = np.sqrt(np.maximum(values, 0.0) + _RIDGE)
+    scaled = hessian * scale[:, None] * scale + _RIDGE * np.eye(len(hessian))
+    root = np.linalg.cholesky(scaled)
     found = lsq_linear(
-        roots[:, None] * vectors.T,
-        (vectors.T @ (scale * right)) / roots,
+        root.T,
+        np.linalg.solve(root, scale * right),
         (lower / scale, upper / scale),
         method="bvls",
         max_iter=_MOST_RELEASES * len(lower),
     )
+
     step = np.clip(scale * found.x, lower, upper)
     step = np.where(found.active_mask < 0, lower, step)
     return np.where(found.active_mask > 0, upper, step)
@@ -98,6 +99,7 @@ class Evidence:
             np.cumsum([len(variant) for variant in more], dtype=int),
             gains,
         )
+
         return gains.tolist()
 
     def step(self, columns: Sequence[int]) -> np.ndarray:

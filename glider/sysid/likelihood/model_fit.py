@@ -165,12 +165,10 @@ def fit_model(
     free_scales: Sequence[str] = NAMES,
     *,
     with_strength: bool = False,
-    most: float = np.inf,
 ) -> FitResult:
     """Fits a model's free parameters, its functions and its scales.
 
-    And the strengths of its functions if asked, see `_fit_strength`. It stops where
-    another gain as large as the last would leave the cost above `most`.
+    And the strengths of its functions if asked, see `_fit_strength`.
     """
     best = None
     step = None
@@ -223,7 +221,6 @@ def fit_model(
         if iteration == iterations:
             break
         is_done = gained < _TOLERANCE and _TRUSTED * promised < _TOLERANCE
-        is_done |= best.cost - gained > most
         if is_done and iteration >= _FEWEST_ITERATIONS:
             break
         gram = grams_of(flights, scales).sum(axis=0)
@@ -261,6 +258,7 @@ def moved(task: Task, model: FitResult, step: np.ndarray) -> FitResult:
         dataclasses.replace(own, coordinates=own.coordinates + change)
         for own, change in parts
     )
+
     return dataclasses.replace(model, theta=theta, functions=functions)
 
 
@@ -295,37 +293,34 @@ def _fit_strength(
     of_functions = slice(len(model.free), None)
     start = model.coordinates
     unit = np.eye(len(gram) - 1)
-    before = float(prior_of(task, model).added_to(gram)[-1, -1])
+    prior = prior_of(task, model)
+    before = float(prior.added_to(gram)[-1, -1])
     for _ in range(_STRENGTH_ROUNDS if model.functions else 0):
-        total = prior_of(task, model).added_to(gram)
+        total = prior.added_to(gram)
         covariance = solve_scaled(total[:-1, :-1], unit, 1e-12)
         value = start + (covariance @ total[:-1, -1])[of_functions]
         squares = value**2 + np.diag(covariance)[of_functions]
         functions = []
         for fitted, mine in zip(model.functions, model.split(squares), strict=True):
-            strength = float(np.sqrt(np.mean(mine)))
-            strength = min(max(strength, RESOLVED), PRIOR_SCALES)
-            functions.append(dataclasses.replace(fitted, strength=strength))
+            strength = np.clip(np.sqrt(np.mean(mine)), RESOLVED, PRIOR_SCALES)
+            functions.append(dataclasses.replace(fitted, strength=float(strength)))
 
         model = dataclasses.replace(model, functions=tuple(functions))
+        prior = prior_of(task, model)
 
-    prior = prior_of(task, model)
     total = prior.added_to(gram)
     precision = prior.precision[own]
     relative = solve_scaled(total[:-1, :-1], unit, 1e-12)[np.ix_(own, own)]
     relative *= np.sqrt(precision[:, None] * precision)
-    model = dataclasses.replace(
-        model, freedom=-0.5 * float(np.linalg.slogdet(relative)[1])
-    )
+    freedom = -0.5 * float(np.linalg.slogdet(relative)[1])
+    model = dataclasses.replace(model, freedom=freedom)
     if not model.functions:
         return model
     # Shapes stay: the cost is no square of them, and is not computed again.
-    count = len(model.free)
     linear = [j for j, slot in enumerate(model.free) if slot not in task.space.shapes]
-    linear += range(count, count + len(start))
-    step = np.zeros(len(total) - 1)
+    linear += range(len(model.free), len(total) - 1)
     keep = [*linear, len(total) - 1]
+    step = np.zeros(len(total) - 1)
     step[linear] = prior.among(linear).best_step(gram[np.ix_(keep, keep)])
-    left = np.append(-step, 1.0)
-    gained = 0.5 * (before - float(left @ total @ left))
+    gained = 0.5 * (before - float(total[-1, -1])) + prior.gain(gram, step)
     return dataclasses.replace(moved(task, model, step), cost=model.cost - gained)

@@ -53,7 +53,7 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
 def _mean_squares(task: Task, noise: Noise) -> np.ndarray:
     """Returns the mean square of each flight's remaining error (flights,)."""
     model = start_of(task, noise)
-    candidates, grams, _ = gather_in_parts(task, model, COARSE_SCALES)
+    candidates, grams = gather_in_parts(task, model, COARSE_SCALES)
     counts = np.array([np.sum(record.seen) for record in task.records])
     prior = model_fit.prior_of(task, model, candidates.slots)
     weights = np.ones(len(grams))

@@ -41,18 +41,14 @@ class Uncertainty:
         return matrix if self.average is None else self.average, freedom
 
     def std(self, slot: int) -> float:
-        """Returns the standard error of a named slot of theta; else NaN."""
-        if slot not in self.named:
-            return float("nan")
-        k = self.named.index(slot)
-        return float(np.sqrt(self.covariance[0][k, k]))
+        """Returns the standard error of a free slot of theta; NaN of another."""
+        if slot in self.named:
+            k = self.named.index(slot)
+            return float(np.sqrt(self.covariance[0][k, k]))
 
-    def std_along(self, places: Sequence[int], directions: np.ndarray) -> np.ndarray:
-        """Returns the standard errors of sums of columns, weighted by (..., r)."""
-        likelihood = self.likelihood[np.ix_(places, places)]
-        variances = np.sum(directions @ likelihood * directions, axis=-1)
-        scatter = np.sum((directions @ self.changes[:, places].T) ** 2, axis=-1)
-        return np.sqrt(np.maximum(variances, scatter))
+        if slot not in self.free:
+            return float("nan")
+        return float(np.sqrt(self.of([self.free.index(slot)])[0][0, 0]))
 
 
 def uncertainty_of(task: Task, model: FitResult) -> Uncertainty:

@@ -52,20 +52,20 @@ def find_signs(
 
     logged = costs(Signs())
     best = Signs()
-    most = 0.0
+    most = CLEAR
     if np.median(logged) < CLEAR:
         return best
     angles = 3 if campaign.elevator == "servo" else 1
     names = ("pitch", "elevator", "command")[:angles]
-    for option in list(itertools.product((1, -1), repeat=angles))[1:]:
+    for option in itertools.product((1, -1), repeat=angles):
         signs = Signs(**dict(zip(names, option, strict=True)))
-        gain = float(np.median(logged - costs(signs)))
-        if gain > most:
+        gain = 0.0 if signs.are_right else float(np.median(logged - costs(signs)))
+        if gain >= most:
             best = signs
             most = gain
 
-    if best.are_right or most < CLEAR:
-        return Signs()
+    if best.are_right:
+        return best
     rows = 4 * np.mean([len(f.time) for f in few])
     share = float(1.0 - math.exp(-2.0 * most / rows))
     return dataclasses.replace(best, evidence=most * len(few), share=share)

@@ -3,7 +3,6 @@
 import copy
 import dataclasses
 import functools
-import heapq
 from collections.abc import Callable, Collection, Iterable
 from itertools import combinations
 from math import log
@@ -46,6 +45,7 @@ class Scorer:
             kinds = [kind for kind, _ in members]
             penalties = sum(self.penalty(kind, kinds) for kind in kinds)
             self._scores[key] = self.gain(members) - penalties
+
         return self._scores[key]
 
     def gain(self, members: Members) -> float:
@@ -66,6 +66,7 @@ class Scorer:
             if not np.isfinite(self.gain(others)):
                 left = climb(self.among([name for name, _ in others]), ())
             found[kind] = self.gain(members) - self.gain(left)
+
         return found
 
     def by_first(self, kinds: Iterable[str]) -> Members:
@@ -103,6 +104,7 @@ class Scorer:
             directions = [self.candidates.directions[c] for c in variant]
             for slot, shape in (pair for d in directions for pair in d.shapes):
                 theta[slot] = shape
+
             slots = [d.slot for d in directions]
             values = task.priors(slots, theta)[0] + step
             theta[slots] = np.clip(values, *task.bounds(slots))
@@ -123,6 +125,7 @@ class Scorer:
             for variant in variants
             if kind not in have
         ]
+
         pairs = ((tuple(sorted(own)), own) for own in sets)
         if new := {key: own for key, own in pairs if key not in self._kept}:
             more = [variant for *_, (_, variant) in new.values()]
@@ -148,34 +151,25 @@ class Scorer:
         for pair in combinations(members, 2):
             yield from self.larger(tuple(m for m in members if m not in pair))
 
-    def parted(self, members: Members) -> Iterable[Members]:
-        """Yields sets with one member exchanged for two: one of the best, and any."""
-        own = frozenset(members)
-        for rest in self.smaller(members):
-            others = (m for m in self.larger(rest) if frozenset(m) != own)
-            for other in heapq.nlargest(constants.FOLLOWED, others, key=self):
-                yield from self.larger(other)
 
-
-def scorer_of(candidates: Candidates, grams: np.ndarray, counts: np.ndarray) -> Scorer:
-    """Returns the evidence of sets on flights that count so often, penalized.
+def scorer_of(candidates: Candidates, grams: np.ndarray) -> Scorer:
+    """Returns the evidence of sets on flights of such information, penalized.
 
     To first order about the candidates' model: the gain on held-out flights of one with
     errors of the forces, else the marginal likelihood.
     """
     task = candidates.task
     if candidates.model.has_force_errors:
-        thresholds = {
-            kind: _held_out_threshold(task, kind) for kind in candidates.variants
-        }
-        held_out = HeldOutEvidence(candidates, grams, counts)
-        return Scorer(candidates, held_out, lambda kind, kinds: thresholds[kind])
+        held_out = HeldOutEvidence(candidates, grams)
+        return Scorer(
+            candidates, held_out, functools.partial(_held_out_threshold, task)
+        )
 
-    evidence = candidates.evidence(np.tensordot(counts, grams, 1))
+    evidence = candidates.evidence(grams.sum(axis=0))
     return Scorer(candidates, evidence, functools.partial(threshold_of, task))
 
 
-def _held_out_threshold(task: Task, kind: str) -> float:
+def _held_out_threshold(task: Task, kind: str, kinds: Collection[str]) -> float:
     """Returns the gain that an effect must bring on held-out flights [nats]."""
     slots = task.space.slots_of(kind)
     sizes = sum(i not in task.space.shapes for i in slots)
@@ -203,6 +197,28 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
         own = constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP
 
     return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own
+
+
+def near_sets(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[str]]]:
+    """Returns formulas of sets near one, and those as good in place of each of its own.
+
+    Farther away, errors of the linearization look like effects.
+    """
+    kinds = {kind for kind, _ in found}
+    offered = set(kinds)
+    alike: dict[str, set[str]] = {kind: set() for kind in kinds}
+    best = score(found)
+    for other in (*score.larger(found), *score.swapped(found)):
+        kind, _ = other[-1]
+        lost = best - score(other)
+        if kind in kinds or kind in FAMILIES or lost > constants.CLEAR:
+            continue
+        offered.add(kind)
+        if lost < constants.RIVAL_GAP:
+            for gone in kinds - {name for name, _ in other}:
+                alike[gone].add(kind)
+
+    return offered, alike
 
 
 def columns_of(members: Members) -> list[int]:

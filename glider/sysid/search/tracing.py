@@ -30,7 +30,13 @@ from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.result import UNEXPLAINED
 from glider.sysid.search.moves import Search
-from glider.sysid.search.subsets import best_set, climb, scorer_of, threshold_of
+from glider.sysid.search.subsets import (
+    best_set,
+    climb,
+    near_sets,
+    scorer_of,
+    threshold_of,
+)
 
 # Unknown parameters of a vehicle that barely show in the forces.
 _OF_MOMENT = ("pitch_inertia", "wing_offset")
@@ -51,6 +57,9 @@ class SearchResult:
     #: Models of sets that are nearly as likely, and the evidence that they lack [nats].
     rivals: tuple[tuple[FitResult, float], ...] = ()
     threshold: float  #: Evidence of an effect beside others, at least [nats].
+    near: set[str]  #: Formulas that sets as good to first order have, and those found.
+    #: Of each effect, formulas that would do as well in its place to first order.
+    alike: dict[str, set[str]] = dataclasses.field(default_factory=dict)
     #: The model as it was judged, along the measured attitude, if not as it is.
     forces: FitResult | None = None
 
@@ -73,6 +82,13 @@ def trace(task: Task, noise: Noise, progress: Progress) -> SearchResult:
     model, evidence = _needed(search, model)
     progress(Step("fitting the flat plate alone", 0.8))
     bare = search.fit(model.without(task, *model.kinds))
+    near = search.near(model)
+    own = set(model.kinds)
+    alike: dict[str, set[str]] = {}
+    if near is not None:
+        early = near.among(without_late(task, own).offered)
+        own, alike = near_sets(early, near.by_first(model.kinds))
+
     return SearchResult(
         model=model,
         bare=bare,
@@ -80,6 +96,8 @@ def trace(task: Task, noise: Noise, progress: Progress) -> SearchResult:
         names=_names_of(search, model, evidence),
         rivals=_rivals_of(search, model),
         threshold=threshold_of(task, "", model.kinds),
+        near=own,
+        alike=alike,
     )
 
 
@@ -151,8 +169,10 @@ def _names_of(
             (EXPLAINED * evidence[function] for function in bending),
             default=SLIGHT * sum(evidence.values()),
         )
+
         if evidence[kind] >= least:
             shown.append(kind)
+
     names = {kind: kind for kind in shown if kind not in FAMILIES}
     own = dict(near.by_first(model.kinds))
     slight = {*model.kinds} - FAMILIES.keys() - names.keys()
@@ -219,9 +239,9 @@ def _trace_by_predictions(task: Task, noise: Noise, progress: Progress) -> Searc
     tried: list[frozenset[str]] = []
     for _ in range(_ROUNDS):
         progress("searching for effects along the measured attitude")
-        candidates = gather(task, model)
+        candidates = gather(task.offering(task.kinds), model)
         grams = candidates.grams(model.scales)
-        score = scorer_of(candidates, grams, np.ones(len(grams)))
+        score = scorer_of(candidates, grams)
         members = best_set(score)
         model = fit_model(task, score.begin(members), free_scales=())
         # With the errors that it leaves in the forces.
@@ -238,12 +258,15 @@ def _trace_by_predictions(task: Task, noise: Noise, progress: Progress) -> Searc
         bare = fit_model(task, model.without(task, *model.kinds), free_scales=())
 
     progress(Step("fitting the moment", 0.53))
+    near, alike = near_sets(score.among(without_late(task).offered), members)
     return SearchResult(
         model=_with_moment(task, model, noise),
         bare=_with_moment(task, bare, noise),
         evidence=score.lost(members),
         names={kind: kind for kind in model.kinds},
         threshold=HELD_OUT_THRESHOLD["effect"],
+        near=near,
+        alike=alike,
         forces=model,
     )
 
@@ -254,6 +277,7 @@ def _slots_of_moment(task: Task) -> set[int]:
     for kind in task.space.kinds.values():
         if kind.unknown_without is not None:
             found.update(task.space.slots_of(kind.kind))
+
     return found
 
 

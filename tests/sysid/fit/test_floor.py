@@ -3,7 +3,6 @@ import types
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 from glider.physics.effects import NO_GAUSSIANS
 from glider.physics.model import GliderModel
@@ -111,7 +110,7 @@ def test_turbulence_raises_the_floor_and_one_flight_does_not_decide(turbulent):
 def test_a_floor_of_a_hundred_replicas_is_known_to_a_twentieth(still):
     floor, _ = floor_and_errors(*still)
     assert floor.squares.shape[2] == 100
-    assert floor.accuracy == pytest.approx(0.05)
+    assert pytest.approx(0.05) == floors._ACCURACY
 
 
 def test_errors_of_the_first_flights_count_each_row_once(still):
@@ -121,20 +120,6 @@ def test_errors_of_the_first_flights_count_each_row_once(still):
     assert floor.errors(NO_NOISE, 2).position_rms_m == pytest.approx(rms)
 
 
-def test_what_a_perfect_model_may_leave_is_as_the_replicas_say(still):
-    floor, _ = floor_and_errors(*still)
-    many = np.average(floor.squares[:8, 0], axis=0, weights=floor.rows[:8])
-    logs = np.log(np.sqrt(many / many.mean()))
-    spread = np.hypot(np.std(logs), floor.accuracy)
-    expected = norm(np.mean(logs), spread).isf(UNLIKELY)
-    assert np.log(floor.most_by_chance(8)) == pytest.approx(expected)
-    of_few, of_all = map(floor.most_by_chance, (2, 16))
-    assert of_all < of_few < np.inf  # Of more flights, less is by chance.
-    assert floor.most_by_chance(17) == floor.most_by_chance(0) == np.inf
-    floor.squares[3] = np.nan
-    assert floor.most_by_chance(8) == np.inf > floor.most_by_chance(3)
-
-
 def test_only_reported_variations_are_in_the_floor():
     """Errors of a formula look like small trims: a perfect model has none of them."""
     scales = dataclasses.replace(FLOOR, air=0.1, trim=0.002, wind=0.1, servo=0.01)
@@ -142,7 +127,7 @@ def test_only_reported_variations_are_in_the_floor():
         forces=None,
         model=types.SimpleNamespace(scales=scales, kinds=("wind",), functions=()),
     )
-    wind = Spread(std=0.08, std_error=0.01, unit="m/s", values={})
+    wind = Spread(std=0.08, unit="m/s", values={})
     truth = without_model_errors(traced, {"wind": wind})
     assert truth == dataclasses.replace(FLOOR, air=0.1, wind=0.08).without_floors
 

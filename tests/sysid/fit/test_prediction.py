@@ -12,7 +12,6 @@ from glider.sysid.fit import prediction
 from glider.sysid.fit.prediction import (
     RolloutModel,
     beginning_rows,
-    compare,
     find_launch,
     flown_by,
     predict,
@@ -20,13 +19,10 @@ from glider.sysid.fit.prediction import (
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.log_space import vector_of
 from glider.sysid.replay.replayed import true_nodes
+from tests.helpers.known_truth import errors_of
 from tests.helpers.tasks import begin, fly, task_of
 
 WIND = KINDS["wind"](x=-0.4, z=0.1)
-
-
-def measure_errors(model, records):
-    return compare({"": (model, records)}).errors[""]
 
 
 @pytest.fixture(scope="module")
@@ -94,8 +90,8 @@ def test_the_truth_flies_whole_flights_as_they_were(windy, monkeypatch):
 def test_errors_tell_the_truth_from_the_plate(windy):
     task, model = windy
     plate = dataclasses.replace(model, theta=task.vehicle.theta)
-    right = measure_errors(model, task.records)
-    wrong = measure_errors(plate, task.records)
+    right = errors_of(model, task.records)
+    wrong = errors_of(plate, task.records)
     assert right.position_rms_m < 0.2 * wrong.position_rms_m
     assert right.rollout.position_end_m < 0.2 * wrong.rollout.position_end_m
     assert (
@@ -113,7 +109,7 @@ def test_errors_are_of_the_rows_that_were_seen(windy):
     seen[60:80] = False
     pose[60:80] = 1e3
     gapped = dataclasses.replace(record, seen=seen, pose=pose)
-    errors = measure_errors(model, [gapped])
+    errors = errors_of(model, [gapped])
     assert errors.position_rms_m < 0.05
 
 
@@ -139,7 +135,7 @@ def test_a_flight_whose_elevator_is_first_seen_late_is_predicted():
     model = flown_by(task, truth, start)
     # Its scales are fitted too, and not left where they start.
     assert model.scales.position != start.position
-    errors = measure_errors(model, task.records[:1])
+    errors = errors_of(model, task.records[:1])
     assert errors.position_rms_m < 0.05 and np.isfinite(errors.rollout.pitch_rms_rad)
 
 

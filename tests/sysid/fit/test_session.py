@@ -12,7 +12,7 @@ from glider.campaign.logs import Campaign
 from glider.physics.effects import ELEVATOR_TRIM, MASS, EffectKind
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.fit.session import begin_of_end, by_number, find_change
+from glider.sysid.fit.session import begin_of_end, by_number, change_of
 from glider.sysid.replay.log_space import log_space
 from glider.sysid.result import Change
 
@@ -48,7 +48,7 @@ def changed(shares: np.ndarray, seed: int = 0, scatter: float = 0.0) -> Change |
     )
     prior: Any = SimpleNamespace(precision=np.ones(2))
     ordered = np.array(grams)[in_files]
-    return find_change(candidates, ordered, prior, np.random.default_rng(1))
+    return change_of(candidates, ordered, prior, np.random.default_rng(1))
 
 
 @pytest.mark.parametrize("at", [2, 6, 11])

@@ -9,13 +9,11 @@ import pytest
 from glider.physics.effects import KINDS
 from glider.progress import silent
 from glider.sysid.constants import CLEAR, EVIDENCE_THRESHOLD, RIVAL_GAP
-from glider.sysid.fit.folds import hold_out
 from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
-from glider.sysid.search import moves
 from glider.sysid.search.moves import Search
-from glider.sysid.search.subsets import scorer_of
+from glider.sysid.search.subsets import near_sets, scorer_of
 from glider.sysid.search.tracing import _needed, _rivals_of
 from tests.helpers.searches import search_among
 from tests.helpers.tasks import begin, fly, task_of
@@ -28,7 +26,8 @@ def fitted(effect, *kinds, offered, flights=8):
 
 
 def rivals_of(task, model):
-    return hold_out(task, model, {}, np.random.default_rng(0)).alike
+    score = Search(task.offering(task.kinds), silent).near(model)
+    return near_sets(score, score.by_first(model.kinds))[1]
 
 
 def test_a_strong_effect_has_no_rival():
@@ -89,24 +88,18 @@ def gains_of(score):
     return {kind: score.gain(score.by_first([kind])) for kind in score.variants}
 
 
-def test_free_functions_are_compared_about_what_formulas_were(monkeypatch):
-    """Flights are made linear once for both, and again about another model."""
+def test_free_functions_are_compared_beside_formulas():
+    """Flights are made linear once for each model, in both."""
     offered = ("profile_drag", "lagged_separation")
     search, plate = search_among(KINDS["profile_drag"](cd0=0.05), *offered)
-    made = []
-    monkeypatch.setattr(moves, "gather", lambda *of: made.append(of) or gather(*of))
-    search.task, whole = search.task.offering(offered), search.task
-    formulas, count = search.near(plate), len(made)
-    assert gains_of(formulas).keys() == {*offered} and count > 0
-    search.task = whole
     both = search.near(plate)
-    assert len(made) == count
-    apart = gains_of(Search(whole, silent).near(plate))
-    assert gains_of(both) == pytest.approx(apart, rel=1e-9)
-    assert apart.keys() == {*offered, *whole.functions}
-    known = len(made)
-    search.near(dataclasses.replace(plate))
-    assert len(made) > known
+    assert search.near(plate) is both
+    assert search.near(dataclasses.replace(plate)) is not both
+    assert gains_of(both).keys() == {*offered, *search.task.functions}
+    search.task = search.task.offering(offered)
+    formulas = gains_of(search.near(plate))
+    assert formulas.keys() == {*offered}
+    assert formulas == pytest.approx({k: gains_of(both)[k] for k in offered}, rel=1e-6)
 
 
 def test_no_set_without_a_strong_effect_is_fitted():
@@ -123,7 +116,7 @@ def test_the_only_effect_need_only_be_likelier_than_none():
     task, noise = task_of(fly(flights=3))
     model = begin(task, noise)
     candidates = gather(dataclasses.replace(task, kinds=("mass", "thrust")), model)
-    score = scorer_of(candidates, candidates.grams(model.scales), np.ones(3))
+    score = scorer_of(candidates, candidates.grams(model.scales))
     everything = np.log(len(task.vehicle.kinds))  # Offered or not.
     assert score.penalty("mass", ("mass",)) == pytest.approx(everything)
     for other in ("thrust", "drag over alpha"):

@@ -93,16 +93,6 @@ def test_a_climb_finds_one_in_the_place_of_two():
     assert climb(score, pair, same_size=True) == pair
 
 
-def test_one_is_parted_into_two_that_it_stood_for():
-    """Neither is worth what the one is, nor adds to it."""
-    variants = {"lift": [(0,)], "moment": [(1,)], "both": [(2,)]}
-    told = Told({(): 0.0, (0,): 10.0, (1,): 5.0, (2,): 50.0, (0, 1): 60.0}, 51.0)
-    score = Scorer(offering(variants), told, lambda kind, kinds: EVIDENCE_THRESHOLD)
-    one = (("both", (2,)),)
-    assert climb(score, one) == one
-    assert kinds_of(max(score.parted(one), key=score)) == {"lift", "moment"}
-
-
 def test_a_loss_is_finite_where_the_others_are_not_physical_alone():
     variants = {"lift": [(0,)], "drag": [(1,)], "moment": [(2,)]}
     gains = {(): 0.0, (0,): 40.0, (1,): 10.0, (2,): -np.inf, (0, 1): 45.0}

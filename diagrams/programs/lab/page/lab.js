@@ -28,7 +28,7 @@ const drawn = {};  // What each figure shows, as text, and what ends its drawing
 /** Draws figures of a page's data, those that changed. */
 function draw(data) {
   for (const name of Object.keys(data.figures)) {
-    const text = JSON.stringify([data.figures[name], data.columns]);
+    const text = JSON.stringify(data.figures[name]);
     if (drawn[name]?.text === text) continue;
     drawn[name]?.end.abort();
     const node = document.querySelector(`[data-figure="${name}"]`);
