@@ -257,7 +257,7 @@ def limits_of(folder: Path) -> ThrowLimits | None:
     facts, _ = read_throw(records[-1])
     own = _scenario_of(facts, records[-1]).get("limits", {})
     room = schema.convert(own, Limits, str(records[-1]))
-    return ThrowLimits(x=room.x, z=room.z)
+    return ThrowLimits(x=tuple(room.x), z=tuple(room.z))
 
 
 def joint_digest(digests: Iterable[str]) -> str:
