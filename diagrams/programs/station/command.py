@@ -56,7 +56,7 @@ def add_arguments(parser: CommandParser) -> None:
     words = "tvlqr (default), mpc or mppi"
     parser.add_argument("--controller", choices=("tvlqr", "mpc", "mppi"), help=words)
     words = "end after so many (default: 10 with --simulate, else never)"
-    parser.add_number("--throws", words)
+    parser.add_number("--throws", words, least=1)
     parser.add_path("--log", "FOLDER", "campaign to write (default: out/fly)")
     parser.add_number("--seed", "of simulated launches and noise (default: 0)")
 
@@ -65,9 +65,7 @@ def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     throws = args.throws
     folder = args.log or Path("out/fly")
-    expect(throws is None or throws >= 1, "--throws", throws, "at least 1")
     check_writable(folder)
-    expect(args.seed is None or args.seed >= 0, "--seed", args.seed, "0 or more")
     good = args.commands is None or args.controller is None
     expect(good, "--controller", args.controller, "none with --commands")
     from diagrams.programs.station.bus import Bus, free_address
