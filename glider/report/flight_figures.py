@@ -76,41 +76,29 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
     distances = []
     for model, pose in poses.items():
         x, z, pitch = pose.T
-        degrees = np.degrees(pitch)
         said = f"{name}, {LABELS[model]}<br>%{{customdata:.3f}} s: "
         place = said + "x %{x:.3f} m, z %{y:.3f} m"
         angle = said + "pitch %{y:.2f}°"
+        away = said + "%{y:.3r} m away"
+        apart = distance(pose, measured)
+        apart[apart == 0.0] = math.nan  # Of zero there is no logarithm.
         paths.append(spec.Line(model, x, z, hover=place, extra=time))
-        pitches.append(spec.Line(model, time, degrees, hover=angle, extra=time))
-        if model != "measured":
-            apart = distance(pose, measured)
-            apart = np.where(apart > 0.0, apart, math.nan)
-            away = said + "%{y:.3r} m away"
-            distances.append(spec.Line(model, time, apart, hover=away, extra=time))
-
+        pitches.append(
+            spec.Line(model, time, np.degrees(pitch), hover=angle, extra=time)
+        )
+        distances.append(spec.Line(model, time, apart, hover=away, extra=time))
     fitted = time <= flight.fitted_until
     launch = spec.Points(
-        "fitted",
-        measured[fitted, 0],
-        measured[fitted, 1],
-        hover="",
-        size=12.0,
-        opacity=0.3,
+        "fitted", *measured[fitted, :2].T, hover="", size=12.0, opacity=0.3
     )
     begin = float(time[0])
-    end = float(time[-1])
     start = spec.Ground(begin, flight.fitted_until, key="fitted")
-    clock = spec.Axis("time [s]", (begin, end), link=f"time {flight.name}")
-    level = []
-
-    if noise > 0.0:
-        level.append(spec.Level(noise, is_dotted=True))
-
+    level = [spec.Level(noise, is_dotted=True)] if noise > 0.0 else []
+    clock = spec.Axis("time [s]", (begin, float(time[-1])), link=f"time {flight.name}")
     x_axis = spec.Axis("x [m]", _range_of([line.x for line in paths]))
     z_axis = spec.Axis("z [m]", _range_of([line.y for line in paths]))
     angles = spec.Axis(range=_range_of([line.y for line in pitches]))
-    away_axis = spec.Axis(range=_range_of_distances(distances, noise), is_log=True)
-
+    away_axis = spec.Axis(is_log=True)
     return [
         spec.Panel(name, [launch, *paths], x_axis, z_axis, height=250),
         spec.Panel(
@@ -118,7 +106,7 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         ),
         spec.Panel(
             "distance from the flight [m]",
-            [start, *level, *distances],
+            [start, *level, *distances[1:]],
             clock,
             away_axis,
             height=250,
@@ -143,13 +131,3 @@ def _range_of(columns: list[np.ndarray]) -> tuple[float, float] | None:
     near = np.clip(every, low - beyond, high + beyond)
 
     return bounds(near, quantile=0.0)
-
-
-def _range_of_distances(
-    lines: list[spec.Line], noise: float
-) -> tuple[float, float] | None:
-    """Limits of a logarithmic axis that show distances, and the noise if known."""
-    distances = np.concatenate([np.zeros(0), *(line.y for line in lines)])
-    around = math.log10(noise) if noise > 0.0 else None
-    ends = bounds(np.log10(distances), quantile=0.02, around=around)
-    return ends and (10.0 ** ends[0], 10.0 ** ends[1])

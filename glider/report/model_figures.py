@@ -1,7 +1,5 @@
 """Figures of models: free functions, coefficients, residuals."""
 
-import dataclasses
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -50,35 +48,30 @@ def _function_panels(
     part: FreeFunction, flown: Mapping[str, np.ndarray]
 ) -> list[spec.Panel]:
     variable, *others = part.variables
+    label, factor = VARIABLES[variable]
     values = np.column_stack([flown[name] for name in part.variables])
     low = values.min(axis=0)
     high = values.max(axis=0)
     place = np.linspace(low[0], high[0], 121)
     slices = np.linspace(low[1:], high[1:], 3 if others else 1)
-    lines: dict[str, list[spec.Line]] = {}
-    for i, other in enumerate(slices):
-        at = np.column_stack([place, np.tile(other, (len(place), 1))])
-        basis = part.basis(at)
-        width = 1.0 + i if others else None
-        for term, weights in part.weights.items():
-            value = basis @ weights
-            scaled = place * VARIABLES[variable][1]
-            line = spec.Line("rest", scaled, value, width=width, is_solid=True)
-            lines.setdefault(term, []).append(line)
-    panels = [
-        spec.Panel(
-            TERMS[term],
-            [spec.Level(), *own],
-            spec.Axis(VARIABLES[variable][0], link=variable),
-        )
-        for term, own in lines.items()
-        if any(np.any(line.y != 0.0) for line in own)
-    ]
+    words = ""
     for name in others:
-        label, factor = VARIABLES[name][:2]
-        shown = ", ".join(f"{value:.3g}" for value in slices[:, 0] * factor)
-        words = f", thin to thick: {label} {shown}"
-        panels = [dataclasses.replace(p, title=p.title + words) for p in panels]
+        other_label, other_factor = VARIABLES[name]
+        shown = ", ".join(f"{value:.3g}" for value in slices[:, 0] * other_factor)
+        words = f", thin to thick: {other_label} {shown}"
+    panels = []
+    for term, weights in part.weights.items():
+        lines = []
+        for i, other in enumerate(slices):
+            at = np.column_stack([place, np.tile(other, (len(place), 1))])
+            value = part.basis(at) @ weights
+            width = 1.0 + i if others else None
+            lines.append(
+                spec.Line("rest", place * factor, value, width=width, is_solid=True)
+            )
+        if any(np.any(line.y) for line in lines):
+            axis = spec.Axis(label, link=variable)
+            panels.append(spec.Panel(TERMS[term] + words, [spec.Level(), *lines], axis))
     return panels
 
 
@@ -91,7 +84,7 @@ def _residual_tables(result: Result) -> dict[str, ResidualTable]:
 
 
 def coefficients_figure(result: Result) -> spec.Figure:
-    """Force and moment coefficients, flight by flight, before and after."""
+    """Force and moment coefficients, before and after."""
     tables = _residual_tables(result)
     panels = []
     for model, table in tables.items():
@@ -99,7 +92,6 @@ def coefficients_figure(result: Result) -> spec.Figure:
             shown = [t.coefficients[name] for t in tables.values()]
             shown += [t.modelled[name] for t in tables.values()]
             span = binning.bounds(np.concatenate(shown))
-
             panel = spec.Panel(
                 f"{symbol}, {LABELS[model]}",
                 _coefficient_marks(table, name, model),
@@ -117,45 +109,41 @@ def coefficients_figure(result: Result) -> spec.Figure:
 
 def _coefficient_marks(
     table: ResidualTable, name: str, model: str
-) -> list[spec.Line | spec.Band]:
-    """A coefficient over the angle of attack: each flight, all of them, the model."""
+) -> list[spec.Points | spec.Line]:
+    """A coefficient over the angle of attack: as measured, and the model's."""
     degrees = np.degrees(table.variables["alpha"])
     measured = table.coefficients[name]
     modelled = table.modelled[name]
-    alpha = []
-    middle = []
-    flight = []
+    return [
+        _cloud(table, "measured", degrees, measured, f"{_AT}, measured"),
+        _median("measured", degrees, measured, _AT),
+        _median(model, degrees, modelled, _AT),
+    ]
 
-    for number in np.unique(table.flight):
-        rows = table.flight == number
-        place, [median] = binning.binned_quantiles(
-            degrees[rows], measured[rows], bins=12, fewest=2
-        )
-        # NaN leaves a gap between flights.
-        alpha.append(np.append(place, math.nan))
-        middle.append(np.append(median, math.nan))
-        flight.append(np.full(len(place) + 1, number))
-    each = spec.Line(
-        "measured",
-        np.concatenate(alpha),
-        bounded(np.concatenate(middle)),
-        hover=f"%{{text}}<br>{_AT}",
-        width=0.6,
-        is_solid=True,
-        opacity=0.4,
-        flight=np.concatenate(flight),
+
+def _cloud(
+    table: ResidualTable, key: str, x: np.ndarray, y: np.ndarray, said: str
+) -> spec.Points:
+    """Rows of a table as points that name their flight and time."""
+    # The same rows in all panels: a page holds each column once.
+    rows = binning.thin(np.sum(table.residual, axis=1), table.flight)
+    return spec.Points(
+        key,
+        x[rows],
+        bounded(y[rows]),
+        hover=f"%{{text}}<br>{said}",
+        size=3.5,
+        opacity=0.45,
+        flight=table.flight[rows],
+        time=table.variables["t"][rows],
     )
 
-    sixths = (1 / 6, 0.5, 5 / 6)
-    place, [low, median, high] = binning.binned_quantiles(degrees, measured, sixths)
-    hover = f"measured, median<br>{_AT}"
-    band = spec.Band("measured", place, low, high)
-    middle_line = spec.Line("measured", place, median, hover=hover)
 
-    place, [median] = binning.binned_quantiles(degrees, modelled)
-    hover = f"{LABELS[model]}, median<br>{_AT}"
-    model_line = spec.Line(model, place, median, hover=hover, width=2.0)
-    return [each, band, middle_line, model_line]
+def _median(key: str, x: np.ndarray, y: np.ndarray, said: str) -> spec.Line:
+    """The medians of points, by bins."""
+    place, median = binning.binned_medians(x, y)
+    hover = f"median, {LABELS[key]}<br>{said}"
+    return spec.Line(key, place, median, hover=hover, width=2.4, is_solid=True)
 
 
 def residual_figure(result: Result) -> spec.Figure | None:
@@ -208,32 +196,9 @@ def residual_panel(
         y = table.residual[:, column]
         every_x.append(x)
         every_y.append(y)
-
-        # The same rows in all panels: a page holds each column once.
-        total = np.sum(table.residual, axis=1)
-        rows = binning.thin(total, table.flight)
-        cloud = spec.Points(
-            model,
-            x[rows],
-            bounded(y[rows]),
-            hover=f"%{{text}}<br>{said}, {LABELS[model]}",
-            size=3.5,
-            opacity=0.45,
-            flight=table.flight[rows],
-            time=table.variables["t"][rows],
-        )
-        clouds.append(cloud)
-
-        place, [median] = binning.binned_quantiles(x, y)
-        line = spec.Line(
-            model,
-            place,
-            median,
-            hover=f"median, {LABELS[model]}<br>{said}",
-            width=2.4,
-            is_solid=True,
-        )
-        medians.append(line)
+        words = f"{said}, {LABELS[model]}"
+        clouds.append(_cloud(table, model, x, y, words))
+        medians.append(_median(model, x, y, said))
 
     across = binning.bounds(np.concatenate(every_x))
     along = binning.bounds(np.concatenate(every_y), around=0.0)

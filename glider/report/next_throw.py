@@ -4,13 +4,11 @@ import dataclasses
 import io
 import itertools
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 
@@ -181,62 +179,37 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
 def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
     """Draws the proposed throws beside the flown flights, in a form of Matplotlib's."""
     p = proposal
-    labels = (
-        ("x, along the throw [m]", "z, up [m]"),
-        ("time since release [s]", "commanded elevator,\nup > 0 [°]"),
-        ("time since release [s]", "difference of explanations,\nas fitted now [mm]"),
-    )
-    count = 3 if len(p.explanations) > 1 else 2  # One differs from no other.
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 8.0 * count / 3), layout="constrained")
-        axes = figure.subplots(count)
-        for k, path in enumerate(p.flown):
-            label = "flown" if k == 0 else None
-            x, z = path[:, :2].T
-            axes[0].plot(x, z, color="#C4C4C4", lw=0.9, label=label)
-
-        for k in range(len(p.throws)):
-            _draw_throw(axes, p, k)
-
-        floor = p.place.limits.z[0]
-        axes[0].axhline(floor, color="k", lw=0.9, ls=":", label="floor")
-
-        for stop in p.place.limits.elevator:
-            axes[1].axhline(np.degrees(stop), color="k", lw=0.9, ls=":")
-        for ax, (xlabel, ylabel) in zip(axes, labels[:count], strict=True):
-            ax.locator_params(nbins=5, steps=[1, 2, 5, 10])
-            ax.set(xlabel=xlabel, ylabel=ylabel)
-        entries = axes[0].get_legend_handles_labels()[1]
-        figure.legend(loc="outside upper center", ncols=len(entries))
+        figure = Figure(figsize=(9.0, 8.0), layout="constrained")
+        path_axes, tape_axes, apart_axes = figure.subplots(3)
+        for path in p.flown:
+            path_axes.plot(*path[:, :2].T, color="#C4C4C4", lw=0.9)
+        for k, (throw, paths) in enumerate(zip(p.throws, p.paths, strict=True)):
+            color = _COLORS[k % len(_COLORS)]
+            time = np.arange(paths.shape[1]) / p.place.pose_rate
+            for e, path in enumerate(paths[:, :, :2]):
+                style: Any = {"color": color, "ls": _LINES[e % len(_LINES)], "lw": 1.7}
+                apart = np.linalg.norm(path - paths[0, :, :2], axis=1)
+                path_axes.plot(*path.T, **style)
+                apart_axes.plot(time, 1e3 * apart, **style)
+            times = np.append(throw.times, throw.end)
+            angles = np.degrees(
+                elevator_path(
+                    throw.times,
+                    throw.commands,
+                    times,
+                    p.place.servo,
+                    start=p.place.rest,
+                )
+            )
+            tape_axes.plot(times, angles, color=color, lw=1.6, label=f"throw {k + 1}")
+        path_axes.axhline(p.place.limits.z[0], color="k", lw=0.9, ls=":", label="floor")
+        path_axes.set(xlabel="x, along the throw [m]", ylabel="z, up [m]")
+        tape_axes.set(ylabel="commanded elevator,\nup > 0 [°]")
+        apart_axes.set(ylabel="difference of explanations,\nas fitted now [mm]")
+        for axes in (tape_axes, apart_axes):
+            axes.set_xlabel("time since release [s]")
+        figure.legend(loc="outside upper center", ncols=len(p.throws) + 1)
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
     return buffer.getvalue()
-
-
-def _draw_throw(axes: Sequence[Axes], p: Proposal, number: int) -> None:
-    """Draws a throw: its paths by each explanation, its tape, how the paths differ."""
-    throw = p.throws[number]
-    paths = p.paths[number]
-    first = paths[0, :, :2]
-    color = _COLORS[number % len(_COLORS)]
-    path_axes, tape_axes, *apart_axes = axes
-    time = np.arange(paths.shape[1]) / p.place.pose_rate
-
-    for e, path in enumerate(paths):
-        dashes = _LINES[e % len(_LINES)]
-        style: Any = {"color": color, "ls": dashes, "lw": 1.7}
-        label = f"throw {number + 1}" if e == 0 else None
-        x, z = path[:, :2].T
-        path_axes.plot(x, z, label=label, **style)
-
-        apart = np.linalg.norm(path[:, :2] - first, axis=1)
-        for ax in apart_axes:
-            ax.plot(time, 1e3 * apart, **style)
-
-    x, z = first[0]
-    path_axes.plot(x, z, "o", color=color, ms=4)
-    times = np.append(throw.times, throw.end)
-    angles = elevator_path(
-        throw.times, throw.commands, times, p.place.servo, start=p.place.rest
-    )
-    tape_axes.plot(times, np.degrees(angles), color=color, lw=1.6)

@@ -16,8 +16,8 @@ from glider.report.error_table import distance
 from glider.report.flight_figures import _MOST_FLIGHTS, flights_in_page
 from glider.report.folder import FIGURES, to_html
 from glider.report.model_figures import free_functions_figure
-from glider.report.plots.binning import binned_quantiles
-from glider.report.plots.figure import Band, Ground, Level, Line, Points
+from glider.report.plots.binning import binned_medians
+from glider.report.plots.figure import Ground, Level, Line, Points
 from glider.report.plots.style import INKS, VARIABLES
 from tests.report.results import VARIANTS, make_flight, make_result
 
@@ -103,18 +103,15 @@ def test_points_have_their_flight_and_time():
         np.testing.assert_array_equal(cloud.time, table.variables["t"])
 
 
-def test_each_flight_has_its_line_of_coefficients():
+def test_coefficients_are_drawn_as_points_of_their_flights_and_medians():
     result = make_result()
     figure = FIGURES["coefficients"](result)
     table = result.residual_after
-    thin = of_kind(figure.panels[3], Line, "measured")[0]
-    rows = thin.flight == 3
-    assert np.isnan(thin.y[rows][-1])  # A gap before the next flight.
-    lift, alpha = thin.y[rows][:-1], np.radians(thin.x[rows][:-1])
-    np.testing.assert_allclose(lift, np.sin(2.0 * alpha), atol=0.1)
-    assert set(thin.flight) == set(table.flight)
+    (cloud,) = of_kind(figure.panels[3], Points, "measured")
+    np.testing.assert_array_equal(cloud.flight, table.flight)
+    np.testing.assert_allclose(cloud.y, np.sin(2.0 * np.radians(cloud.x)), atol=0.1)
     for panel in figure.panels:
-        assert len(of_kind(panel, Band)) == 1
+        assert len(of_kind(panel, Line)) == 2
 
 
 def test_what_is_unidentified_is_drawn():
@@ -177,16 +174,14 @@ def test_numbers_of_a_page_have_five_digits():
     assert rounded(np.array([-0.00012345678])).tolist() == [-0.00012346]
 
 
-def test_binned_quantiles_are_those_of_each_bin():
+def test_binned_medians_are_those_of_each_bin():
     rng = np.random.default_rng(0)
     x = rng.uniform(0.0, 1.0, 20_000)
     y = 3.0 * x + rng.normal(size=x.size)
-    centers, (low, middle, high) = binned_quantiles(x, y, (0.1587, 0.5, 0.8413))
-    np.testing.assert_allclose(middle, 3.0 * centers, atol=0.15)
-    np.testing.assert_allclose(high - low, 2.0, atol=0.2)
-    centers, lines = binned_quantiles(x[:3], y[:3], (0.1, 0.5))
-    assert centers.shape == (0,)
-    assert lines.shape == (2, 0)
+    centers, medians = binned_medians(x, y)
+    np.testing.assert_allclose(medians, 3.0 * centers, atol=0.15)
+    centers, medians = binned_medians(x[:3], y[:3])
+    assert centers.shape == medians.shape == (0,)
 
 
 def test_every_free_function_can_be_drawn():

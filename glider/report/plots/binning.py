@@ -1,7 +1,5 @@
 """What many points become in a figure: bins, few points, limits of an axis."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 _POINTS = 1500  # Largest number of points that a cloud shows; its medians take all.
@@ -41,29 +39,26 @@ def thin(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return keep
 
 
-def binned_quantiles(
-    x: np.ndarray,
-    y: np.ndarray,
-    quantiles: Sequence[float] = (0.5,),
-    bins: int = 18,
-    fewest: int = 8,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean x (m,) and quantiles of y (q, m) of equally wide bins.
+_BINS = 18
+_FEWEST = 8  # Points of a bin that has a median.
 
-    Bins that hold fewer than so many points are omitted.
+
+def binned_medians(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean x (m,) and median y (m,) of equally wide bins; of few points there is none.
+
+    A few outliers in x do not widen the bins.
     """
     keep = np.isfinite(x) & np.isfinite(y)
     x = x[keep]
     y = y[keep]
     means = []
-    found = []
-    if x.size >= fewest:
+    medians = []
+    if x.size >= _FEWEST:
         low, high = np.quantile(x, [0.005, 0.995])
-        edges = np.linspace(low, high, bins + 1)
-        index = np.digitize(x, edges[1:-1])
-        for k in range(bins):
+        index = np.digitize(x, np.linspace(low, high, _BINS + 1)[1:-1])
+        for k in range(_BINS):
             own = index == k
-            if np.count_nonzero(own) >= fewest:
+            if np.count_nonzero(own) >= _FEWEST:
                 means.append(x[own].mean())
-                found.append(np.quantile(y[own], quantiles))
-    return np.array(means), np.reshape(found, (-1, len(quantiles))).T
+                medians.append(np.median(y[own]))
+    return np.array(means), np.array(medians)

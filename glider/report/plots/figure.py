@@ -39,7 +39,6 @@ class Line:
     opacity: float = 1.0
     has_dots: bool = False  #: At its points.
     is_solid: bool = False  #: Without the dashes of its key.
-    flight: np.ndarray | None = None  #: (n,) index into the flights to pick from.
 
     @property
     def line_width(self) -> float:

@@ -203,14 +203,11 @@ function drawFigures({ figures, columns }, signal) {
 
     // Each row has its flight and time; those of other flights are hidden.
     pickFlight({ flight, time }, trace) {
-      const of = column(flight), times = time ? column(time) : [];
+      const of = column(flight), times = column(time);
       const rows = [...of.keys()].filter((i) => this.flight === null || of[i] === this.flight);
       const said = (t) => (t === null || t === undefined ? "" : `, ${t.toFixed(3)} s`);
       trace.text = rows.map((i) => this.flights[of[i]] + said(times[i]));
       for (const axis of ["x", "y"]) trace[axis] = rows.map((i) => trace[axis][i]);
-      if (this.flight !== null && trace.mode === "lines") {
-        Object.assign(trace, { opacity: 1, line: { ...trace.line, width: 2.2 } });
-      }
     }
 
     // Zooms the panels that share an axis with one that was zoomed.
