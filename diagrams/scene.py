@@ -14,7 +14,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from pydrake.geometry import (
-    Box,
     Cylinder,
     Meshcat,
     MeshcatVisualizer,
@@ -146,8 +145,8 @@ def SetStage(meshcat: Meshcat, stage: Stage) -> None:
     meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
     meshcat.SetProperty("/Background/<object>", "bottom_color", [0.93, 0.95, 0.97])
     meshcat.SetProperty("/Axes", "visible", False)
-    meshcat.SetProperty("/Grid", "visible", False)
-    _set_floor(meshcat, stage)
+    meshcat.SetProperty("/Grid", "visible", True)  # Squares of half a metre.
+    meshcat.SetTransform("/Grid", RigidTransform([0.0, 0.0, floor]))
     meshcat.Delete("perch")
     if stage.wire is not None:
         _set_perch(meshcat, stage.wire, floor)
@@ -171,23 +170,6 @@ def camera_of(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
     return target + distance * np.array([0.0, -1.0, 0.12]), target
 
 
-_SQUARE = 0.5
-"""Side of a square of the floor's grid [m]."""
-
-
-def _set_floor(meshcat: Meshcat, stage: Stage) -> None:
-    """Draws a grid of squares, one unit beyond the view and as deep as the perch."""
-    left, right = stage.x_limits
-    x = np.arange(math.floor(left / _SQUARE) - 1, math.floor(right / _SQUARE) + 3)
-    y = np.arange(-2, 5)
-    starts = [(column, y[0]) for column in x] + [(x[0], row) for row in y]
-    ends = [(column, y[-1]) for column in x] + [(x[-1], row) for row in y]
-    height = np.full((len(starts), 1), stage.z_limits[0])
-    start = np.hstack([_SQUARE * np.array(starts), height]).T
-    end = np.hstack([_SQUARE * np.array(ends), height]).T
-    meshcat.SetLineSegments("floor", start, end, 1.0, Rgba(0.75, 0.78, 0.8))
-
-
 def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:
     x, z = wire
     steel = Rgba(0.75, 0.1, 0.1)
@@ -199,9 +181,5 @@ def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:
     height = max(z - floor, 0.01)
     for name, side in (("near", -0.5), ("far", 0.5)):
         meshcat.SetObject(f"perch/{name}", Cylinder(0.015, height), wood)
-        meshcat.SetObject(f"perch/{name}_foot", Box(0.2, 0.1, 0.02), wood)
-        y = side * _WIRE_SPAN
-        middle = RigidTransform([x, y, z - 0.5 * height])
+        middle = RigidTransform([x, side * _WIRE_SPAN, z - 0.5 * height])
         meshcat.SetTransform(f"perch/{name}", middle)
-        foot = RigidTransform([x, y, z - height + 0.01])
-        meshcat.SetTransform(f"perch/{name}_foot", foot)
