@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,17 +50,13 @@ def add_arguments(parser: CommandParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     from diagrams.programs.lab.launches import Launches
-    from diagrams.programs.station.bus import free_address
-    from diagrams.programs.station.scenario import Scenario, Simulation, load_scenario
+    from diagrams.programs.station.scenario import make_scenario
 
-    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
-    launches = None
+    scenario = make_scenario(args.scenario, args.simulate)
     bus = scenario.address
+    launches = None
     if args.simulate is not None:
-        simulation = scenario.simulation or Simulation()
-        simulation = dataclasses.replace(simulation, truth=args.simulate)
-        _ = dataclasses.replace(scenario, simulation=simulation).truth  # It is there.
-        bus = scenario.bus or free_address()
+        _ = scenario.truth  # It is there.
         args.folder.mkdir(parents=True, exist_ok=True)
         launches = Launches(
             folder=args.folder,

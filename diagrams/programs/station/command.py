@@ -68,29 +68,28 @@ def run(args: argparse.Namespace) -> int:
     check_writable(folder)
     good = args.commands is None or args.controller is None
     expect(good, "--controller", args.controller, "none with --commands")
-    from diagrams.programs.station.bus import Bus, free_address
+    from diagrams.programs.station.bus import Bus
     from diagrams.programs.station.controllers import make_guidance
     from diagrams.programs.station.realtime import KEYS, run_station, simulated_glider
-    from diagrams.programs.station.scenario import Scenario, Simulation, load_scenario
+    from diagrams.programs.station.scenario import make_scenario
     from diagrams.programs.station.session import Session
     from diagrams.programs.station.station import Station
     from glider.commands.output import working
 
-    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
-    changed = {"controller": args.controller, "bus": args.bus}
-    for name in ("model", "commands"):
-        changed[name] = getattr(args, name) and str(getattr(args, name))
-    changed = {name: value for name, value in changed.items() if value is not None}
-    scenario = dataclasses.replace(scenario, **changed)
-    changed = {"truth": args.simulate, "seed": args.seed}
-    changed = {name: value for name, value in changed.items() if value is not None}
-    if args.simulate is not None or scenario.simulation is not None:
-        simulation = scenario.simulation or Simulation()
-        simulation = dataclasses.replace(simulation, **changed)
-        own = scenario.bus or free_address()
-        scenario = dataclasses.replace(scenario, simulation=simulation, bus=own)
-    else:
-        expect(not changed, "--seed", args.seed, "it only with --simulate")
+    scenario = make_scenario(
+        args.scenario,
+        args.simulate,
+        controller=args.controller,
+        bus=args.bus,
+        model=args.model,
+        commands=args.commands,
+    )
+    if args.seed is not None:
+        simulation = scenario.simulation
+        expect(simulation, "--seed", args.seed, "it only with --simulate")
+        assert simulation is not None
+        simulation = dataclasses.replace(simulation, seed=args.seed)
+        scenario = dataclasses.replace(scenario, simulation=simulation)
     scenario.load_model(), scenario.load_problem()  # What is wrong is said once.
     with contextlib.ExitStack() as stack:
         is_alive = None

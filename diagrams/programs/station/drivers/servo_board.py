@@ -21,7 +21,7 @@ from diagrams.programs.program import run
 from diagrams.programs.station.bus import COMMAND, COMMAND_FIELDS, OPERATOR, Bus
 from diagrams.programs.station.operators import REPEAT
 from diagrams.programs.station.processes import Ending, hasten
-from diagrams.programs.station.scenario import Scenario, load_scenario
+from diagrams.programs.station.scenario import make_scenario
 from diagrams.programs.station.wire import Wire
 from glider.commands.parsing import CommandParser
 from glider.errors import InputError, expect
@@ -140,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = "pulse for an angle [µs/rad] (default: %(default)s)"
     parser.add_number("--gain", words, 600.0, kind=float, least=-math.inf)
     args = parser.parse_args(arguments)
-    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
+    scenario = make_scenario(args.scenario, bus=args.bus)
     servo = scenario.servo
     limits = scenario.load_model().parameters.servo
     wire = Wire(limits, servo.neutral, servo.timeout, scenario.command_step)
@@ -149,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except OSError as error:
         raise InputError(f"{args.serial}: cannot be opened ({error}).") from None
     board = ServoBoard(wire, send, args.channel, args.center, args.gain)
-    bus = Bus(args.bus or scenario.address)
+    bus = Bus(scenario.address)
 
     def hear(stamp: float, values: Sequence[float], names: Sequence[str]) -> None:
         if len(values) == len(COMMAND_FIELDS):
@@ -163,7 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     bus.listen(COMMAND, hear)
     bus.listen(OPERATOR, hear_operator)
     hasten()
-    print(f"Commands from {args.bus or scenario.address} to the servo.", flush=True)
+    print(f"Commands from {scenario.address} to the servo.", flush=True)
     due = said = time.monotonic()
     with Ending() as ending:
         try:
