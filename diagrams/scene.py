@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from pydrake.geometry import (
+    Box,
     Cylinder,
     Meshcat,
     MeshcatVisualizer,
@@ -131,6 +132,9 @@ def ParseGlider(
 _WIRE_SPAN = 1.2
 """Distance between the posts [m]; twice the wing's span."""
 
+_DEPTH = 3.0
+"""Depth of the floor, across the plane of flight [m]."""
+
 _FIELD_OF_VIEW = 20.0
 """Vertical field of view of the camera [deg]: narrow, to look square at the plane of
 flight."""
@@ -145,8 +149,12 @@ def SetStage(meshcat: Meshcat, stage: Stage) -> None:
     meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
     meshcat.SetProperty("/Background/<object>", "bottom_color", [0.93, 0.95, 0.97])
     meshcat.SetProperty("/Axes", "visible", False)
-    meshcat.SetProperty("/Grid", "visible", True)  # Squares of half a metre.
-    meshcat.SetTransform("/Grid", RigidTransform([0.0, 0.0, floor]))
+    meshcat.SetProperty("/Grid", "visible", False)
+    left, right = stage.x_limits
+    slab = Box(right - left + 1.0, _DEPTH, 0.01)
+    meshcat.SetObject("floor", slab, Rgba(0.82, 0.85, 0.87))
+    middle = RigidTransform([0.5 * (left + right), 0.0, floor - 0.005])
+    meshcat.SetTransform("floor", middle)
     meshcat.Delete("perch")
     if stage.wire is not None:
         _set_perch(meshcat, stage.wire, floor)

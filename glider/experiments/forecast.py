@@ -109,8 +109,7 @@ class Forecast:
     def _predict(self, pair: tuple[Throw, list[Record | None]]) -> Predicted | None:
         """What a throw will show, from its records by each explanation."""
         throw, logs = pair
-        paths = []
-        grams = []
+        records = []
         for found, model in zip(logs, self._models, strict=True):
             if found is None:
                 return None
@@ -118,11 +117,12 @@ class Forecast:
             motion = model.theta, model.gaussians
             if not is_safe(throw, record, *motion, self.place.limits):
                 return None
-            paths.append(record.pose)
-            grams.append(self._gram(record))
+            records.append(record)
+        grams = tuple(map(self._gram, records))
         if not np.all(np.isfinite(grams)):  # An explanation may diverge.
             return None
-        return Predicted(throw=throw, paths=np.array(paths), grams=tuple(grams))
+        paths = np.array([record.pose for record in records])
+        return Predicted(throw=throw, paths=paths, grams=grams)
 
     def _gram(self, record: Record) -> np.ndarray:
         """Products of all columns of one record, (c, c)."""
