@@ -32,33 +32,24 @@ _CAPTURED = (*POSE_NAMES, "elevator")
 
 
 def open_loop(
-    truth: GliderModel,
-    plan: Plan,
-    *,
-    motion_capture: float | None = None,
-    meshcat: Meshcat | None = None,
+    truth: GliderModel, plan: Plan, *, meshcat: Meshcat | None = None
 ) -> Diagram:
     """Wires plan -> servo -> glider.
 
     Args:
         truth: the glider that flies; it need not be the planner's.
         plan: whose input is replayed; after its end the last command stays.
-        motion_capture: rate of a sensor [Hz]; None for no sensor.
         meshcat: where to show the flight.
 
     Returns:
         A Diagram "open_loop" with no open input, the systems "plan", "servo",
         "glider", and the logs "state_log", "rate_log" and "force_log"; the outputs
-        "state", "pose" and "elevator_rate"; and those of motion capture, see
-        `closed_loop`.
+        "state", "pose" and "elevator_rate".
     """
     builder = DiagramBuilder()
     glider, servo = _add_glider(builder, truth)
     source = builder.AddNamedSystem("plan", TrajectorySource(plan.input_trajectory))
     builder.Connect(source.get_output_port(), servo.GetInputPort("command"))
-    if motion_capture is not None:
-        _add_motion_capture(builder, glider, motion_capture)
-        _add_log(builder, source.get_output_port(), "command_log")
     return _finish(builder, "open_loop", glider, truth, meshcat)
 
 

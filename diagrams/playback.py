@@ -11,12 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.geometry import Meshcat, Rgba
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from diagrams.scene import FRAMES_PER_SECOND, NUM_POSITIONS, AddScene, Stage
-from glider.errors import InputError
+from glider.errors import InputError, expect
 from glider.physics.parameters import GliderParameters
 from glider.physics.state import POSITION
 from glider.planning.plan import Plan
@@ -56,20 +56,17 @@ class Track:
                 f"Track '{self.name}': expected a name of letters, digits, spaces, "
                 "hyphens and underscores."
             )
-        times = np.asarray(self.times)
-        poses = np.asarray(self.poses)
-        count = len(times)
-        if count == 0 or not np.all(np.diff(times) > 0.0):
+        count = len(self.times)
+        if count == 0 or not np.all(np.diff(self.times) > 0.0):
             raise InputError(f"Track '{self.name}': the times must increase.")
-        arrays = [("poses", poses, NUM_POSITIONS)]
-        if self.forces is not None:
-            arrays.append(("forces", np.asarray(self.forces), 2))
-        for field, array, width in arrays:
-            if array.shape != (count, width) or not np.all(np.isfinite(array)):
-                raise InputError(
-                    f"Track '{self.name}': '{field}' has shape {array.shape}; expected "
-                    f"finite numbers of shape {(count, width)}."
-                )
+        shapes = {"poses": (count, NUM_POSITIONS), "forces": (count, 2)}
+        for field, shape in shapes.items():
+            values = getattr(self, field)
+            if values is not None:
+                good = np.shape(values) == shape and np.all(np.isfinite(values))
+                what = f"Track '{self.name}': the shape of '{field}'"
+                expected = f"finite numbers of the shape {shape}"
+                expect(good, what, np.shape(values), expected)
 
     @property
     def slug(self) -> str:
@@ -84,24 +81,20 @@ def track_of(
 
     The forces on wing and elevator are shown where they are known.
     """
+    forces = getattr(flight, "forces", None)
     if isinstance(flight, Motion):
-        return Track(
-            name=name,
-            times=flight.time,
-            poses=flight.poses,
-            color=color,
-            forces=flight.forces,
-        )
-    if isinstance(flight, Plan):
+        times = flight.time
+        poses = flight.poses
+    else:
+        times = flight.times
         poses = flight.states[:, :NUM_POSITIONS]
-        return Track(name=name, times=flight.times, poses=poses, color=color)
-    kept = np.flatnonzero(np.append(np.diff(flight.times) > INSTANT, True))
+    kept = np.append(np.diff(times) > INSTANT, True)
     return Track(
         name=name,
-        times=flight.times[kept],
-        poses=flight.states[kept, :NUM_POSITIONS],
+        times=times[kept],
+        poses=poses[kept],
         color=color,
-        forces=None if flight.forces is None else flight.forces[kept],
+        forces=None if forces is None else forces[kept],
     )
 
 
@@ -117,86 +110,6 @@ def stage_of(track: Track, wire: tuple[float, float] | None = (0.0, 0.0)) -> Sta
     )
 
 
-def _duration_of(tracks: Sequence[Track]) -> float:
-    """Returns the time from the first start to the last end [s]."""
-    start = min(track.times[0] for track in tracks)
-    return float(max(track.times[-1] for track in tracks) - start)
-
-
-def _velocities_of(track: Track) -> np.ndarray:
-    """Returns the velocity of a track's positions (K, 2), zero for a single one."""
-    positions = np.asarray(track.poses, dtype=float)[:, POSITION]
-    if len(positions) == 1:
-        return np.zeros((1, 2))
-    return np.gradient(positions, np.asarray(track.times, dtype=float), axis=0)
-
-
-def MakePlayback(
-    tracks: Sequence[Track],
-    meshcat: Meshcat,
-    *,
-    rate: float = 1.0,
-    parameters: GliderParameters | None = None,
-    stage: Stage | None = None,
-) -> Diagram:
-    """Wires each track's motion and forces to a glider with its overlays.
-
-    The diagram's time is that of the flights, from the earliest start on.
-
-    Args:
-        tracks: of different names; each keeps its last pose after its end.
-        meshcat: where to draw.
-        rate: seconds of flight in one second of viewing; 0.2 is five times
-            slower than real, and gets five times the frames.
-        parameters: of the vehicle, which give the sizes.
-        stage: what to set round them; from the first track if None.
-
-    Returns:
-        A Diagram with the systems "NAME_track", "NAME_forces" and those of AddScene.
-    """
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InputError(f"The playback rate is {rate:g}; it must be positive.")
-    if not tracks:
-        raise InputError("There is no track to play.")
-    slugs = [track.slug for track in tracks]
-    if len(set(slugs)) < len(slugs):
-        raise InputError(f"Two tracks have one name: {', '.join(slugs)}.")
-    stage = stage if stage is not None else stage_of(tracks[0])
-    start = min(track.times[0] for track in tracks)
-    builder = DiagramBuilder()
-    for track in tracks:
-        name = track.slug
-        times = np.asarray(track.times, dtype=float) - start
-        color = None if track.color is None else Rgba(*track.color)
-        motion = np.hstack([track.poses, _velocities_of(track)])
-        state = _add_source(builder, f"{name}_track", times, motion)
-        forces = None
-        if track.forces is not None:
-            forces = _add_source(builder, f"{name}_forces", times, track.forces)
-        AddScene(
-            builder,
-            state,
-            meshcat,
-            name=name,
-            color=color,
-            forces=forces,
-            parameters=parameters,
-            stage=stage,
-            frames_per_second=FRAMES_PER_SECOND / rate,
-        )
-    return builder.Build()
-
-
-def _add_source(builder, name, times, values):
-    """Adds a source of values over time, constant if there is but one."""
-    rows = np.asarray(values, dtype=float)
-    if len(rows) == 1:
-        source = ConstantVectorSource(rows[0])
-    else:
-        source = TrajectorySource(PiecewisePolynomial.FirstOrderHold(times, rows.T))
-    return builder.AddNamedSystem(name, source).get_output_port()
-
-
 def play(
     tracks: Sequence[Track],
     meshcat: Meshcat,
@@ -207,25 +120,61 @@ def play(
 ) -> None:
     """Plays tracks together, and leaves them in Meshcat as a recording.
 
-    The recording's time is that of the flights. A page of `diagrams.programs.page`
-    plays it once, at `rate`, and can stop, repeat and slow it.
+    The recording's time is that of the flights, from the earliest start on. A page of
+    `diagrams.programs.page` plays it once, at `rate`, and can stop, repeat and slow it.
 
     Args:
-        tracks: as in MakePlayback.
-        meshcat: as in MakePlayback.
-        rate: as in MakePlayback.
-        parameters: as in MakePlayback.
-        stage: as in MakePlayback.
+        tracks: of different names; each keeps its last pose after its end.
+        meshcat: where to draw.
+        rate: seconds of flight in one second of viewing; 0.2 is five times
+            slower than real, and gets five times the frames.
+        parameters: of the vehicle, which give the sizes.
+        stage: what to set round them; from the first track if None.
     """
-    diagram = MakePlayback(
-        tracks, meshcat, rate=rate, parameters=parameters, stage=stage
-    )
-    # To a whole frame, so that the very end is drawn.
+    expect(0.0 < rate < math.inf, "the playback rate", rate, "a positive number")
+    slugs = [track.slug for track in tracks]
+    good = len(set(slugs)) == len(slugs) > 0
+    expect(good, "the names of the tracks", slugs, "one or more, all different")
+    stage = stage if stage is not None else stage_of(tracks[0])
+    start = min(track.times[0] for track in tracks)
+    end = max(track.times[-1] for track in tracks)
     per_second = FRAMES_PER_SECOND / rate
-    frames = math.ceil(_duration_of(tracks) * per_second - 1e-9)
+    builder = DiagramBuilder()
+    for track in tracks:
+        times = np.asarray(track.times, dtype=float) - start
+        poses = np.asarray(track.poses, dtype=float)
+        velocities = np.zeros((1, 2))
+        if len(times) > 1:
+            velocities = np.gradient(poses[:, POSITION], times, axis=0)
+        state = _add_source(builder, times, np.hstack([poses, velocities]))
+        forces = None
+        if track.forces is not None:
+            forces = _add_source(builder, times, track.forces)
+        AddScene(
+            builder,
+            state,
+            meshcat,
+            name=track.slug,
+            color=None if track.color is None else Rgba(*track.color),
+            forces=forces,
+            parameters=parameters,
+            stage=stage,
+            frames_per_second=per_second,
+        )
+    # To a whole frame, so that the very end is drawn.
+    frames = math.ceil(float(end - start) * per_second - 1e-9)
     meshcat.DeleteRecording()
     meshcat.StartRecording(per_second)
-    simulator = Simulator(diagram)
-    simulator.AdvanceTo(frames / per_second)
+    Simulator(builder.Build()).AdvanceTo(frames / per_second)
     meshcat.StopRecording()
     meshcat.PublishRecording()
+
+
+def _add_source(
+    builder: DiagramBuilder, times: np.ndarray, values: np.ndarray
+) -> OutputPort:
+    """Adds a source of values over time, constant if there is but one."""
+    source: System = ConstantVectorSource(values[0])
+    if len(values) > 1:
+        source = TrajectorySource(PiecewisePolynomial.FirstOrderHold(times, values.T))
+    return builder.AddSystem(source).get_output_port()

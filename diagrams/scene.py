@@ -132,6 +132,9 @@ def ParseGlider(
 _WIRE_SPAN = 1.2
 """Distance between the posts [m]; twice the wing's span."""
 
+_DEPTH = 3.0
+"""Depth of the floor, across the plane of flight [m]."""
+
 _FIELD_OF_VIEW = 20.0
 """Vertical field of view of the camera [deg]: narrow, to look square at the plane of
 flight."""
@@ -147,7 +150,11 @@ def SetStage(meshcat: Meshcat, stage: Stage) -> None:
     meshcat.SetProperty("/Background/<object>", "bottom_color", [0.93, 0.95, 0.97])
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Grid", "visible", False)
-    _set_floor(meshcat, stage)
+    left, right = stage.x_limits
+    slab = Box(right - left + 1.0, _DEPTH, 0.01)
+    meshcat.SetObject("floor", slab, Rgba(0.82, 0.85, 0.87))
+    middle = RigidTransform([0.5 * (left + right), 0.0, floor - 0.005])
+    meshcat.SetTransform("floor", middle)
     meshcat.Delete("perch")
     if stage.wire is not None:
         _set_perch(meshcat, stage.wire, floor)
@@ -171,23 +178,6 @@ def camera_of(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
     return target + distance * np.array([0.0, -1.0, 0.12]), target
 
 
-_SQUARE = 0.5
-"""Side of a square of the floor's grid [m]."""
-
-
-def _set_floor(meshcat: Meshcat, stage: Stage) -> None:
-    """Draws a grid of squares, one unit beyond the view and as deep as the perch."""
-    left, right = stage.x_limits
-    x = np.arange(math.floor(left / _SQUARE) - 1, math.floor(right / _SQUARE) + 3)
-    y = np.arange(-2, 5)
-    starts = [(column, y[0]) for column in x] + [(x[0], row) for row in y]
-    ends = [(column, y[-1]) for column in x] + [(x[-1], row) for row in y]
-    height = np.full((len(starts), 1), stage.z_limits[0])
-    start = np.hstack([_SQUARE * np.array(starts), height]).T
-    end = np.hstack([_SQUARE * np.array(ends), height]).T
-    meshcat.SetLineSegments("floor", start, end, 1.0, Rgba(0.75, 0.78, 0.8))
-
-
 def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:
     x, z = wire
     steel = Rgba(0.75, 0.1, 0.1)
@@ -199,9 +189,5 @@ def _set_perch(meshcat: Meshcat, wire: Sequence[float], floor: float) -> None:
     height = max(z - floor, 0.01)
     for name, side in (("near", -0.5), ("far", 0.5)):
         meshcat.SetObject(f"perch/{name}", Cylinder(0.015, height), wood)
-        meshcat.SetObject(f"perch/{name}_foot", Box(0.2, 0.1, 0.02), wood)
-        y = side * _WIRE_SPAN
-        middle = RigidTransform([x, y, z - 0.5 * height])
+        middle = RigidTransform([x, side * _WIRE_SPAN, z - 0.5 * height])
         meshcat.SetTransform(f"perch/{name}", middle)
-        foot = RigidTransform([x, y, z - height + 0.01])
-        meshcat.SetTransform(f"perch/{name}_foot", foot)

@@ -98,6 +98,25 @@ _FREE_RATE = 100.0
 """Limits of a joint whose servo is unspecified [rad, rad/s]: a URDF needs some."""
 
 
+def make_outline(parameters: GliderParameters) -> dict[str, float]:
+    """Returns what a glider is from the side: places and lengths along its body [m].
+
+    Places are ahead of the center of mass: "wing_x" of the wing's middle, "nose",
+    "hinge"; the lengths are "chord" of the wing, "elevator_chord".
+    """
+    chord = math.sqrt(parameters.wing_area / _ASPECT_RATIO)
+    elevator_chord = 2.0 * parameters.elevator_offset
+    if elevator_chord <= 0.0:
+        elevator_chord = math.sqrt(parameters.elevator_area / _ELEVATOR_ASPECT_RATIO)
+    return {
+        "wing_x": parameters.wing_offset,
+        "chord": chord,
+        "nose": parameters.wing_offset + 0.5 * chord + _NOSE,
+        "hinge": -parameters.hinge_offset,
+        "elevator_chord": elevator_chord,
+    }
+
+
 def make_urdf(
     parameters: GliderParameters, color: Sequence[float] | None = None
 ) -> str:
@@ -118,25 +137,17 @@ def make_urdf(
         *hue, opacity = color
         dark = (*(0.5 * c for c in hue), opacity)
         colors = {"wing": tuple(color), "boom": dark, "elevator": tuple(color)}
-    chord = math.sqrt(parameters.wing_area / _ASPECT_RATIO)
-    elevator_chord = 2.0 * parameters.elevator_offset
-    if elevator_chord <= 0.0:
-        elevator_chord = math.sqrt(parameters.elevator_area / _ELEVATOR_ASPECT_RATIO)
-    hinge = -parameters.hinge_offset
-    nose = parameters.wing_offset + 0.5 * chord + _NOSE
+    outline = make_outline(parameters)
+    chord = outline["chord"]
     lower, upper = parameters.elevator_limits or _FREE_TRAVEL
     return _URDF.format(
         **{f"{k}_color": " ".join(f"{c:g}" for c in v) for k, v in colors.items()},
-        wing_x=parameters.wing_offset,
+        **outline,
         wing_z=0.01,
-        chord=chord,
         span=_ASPECT_RATIO * chord,
-        nose=nose,
-        length=nose - hinge,
-        hinge=hinge,
+        length=outline["nose"] - outline["hinge"],
         fin=0.6 * chord,
-        elevator_chord=elevator_chord,
-        elevator_span=parameters.elevator_area / elevator_chord,
+        elevator_span=parameters.elevator_area / outline["elevator_chord"],
         lower=lower,
         upper=upper,
         rate=parameters.elevator_rate_limit or _FREE_RATE,

@@ -103,8 +103,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Makes or loads both funnels, tries them and shows them."""
     parser = program.make_parser(__doc__)
     program.add_truth(parser, "head_wind")
-    program.add_count(parser, "--samples", 8000, "flights from a boundary", least=8)
-    program.add_count(parser, "--seed", 0, "of flights", least=0)
+    parser.add_number("--samples", "flights from a boundary", 8000, least=8)
+    parser.add_seed("of flights")
     words = "folder of drawn.npz and TRUTH.npz, which are not made then"
     parser.add_argument("--load", metavar="DIR", type=Path, help=words)
     parser.add_argument("--save", metavar="DIR", type=Path, help="where to save them")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glider.commands.output import working
-from glider.commands.parsing import CommandParser, check_seed
+from glider.commands.parsing import CommandParser
 from glider.errors import InputError, expect
 from glider.paths import models_path
 
@@ -66,18 +66,18 @@ def add_arguments(parser: CommandParser) -> None:
         "probability of the set of gliders, by the covariance in MODEL; 0 for MODEL "
         f"alone (default: {_LEVEL}, or 0 without a covariance)"
     )
-    parser.add_argument("--level", metavar="P", type=float, help=words)
+    parser.add_number("--level", words, kind=float, most=0.9999)
     for name, words in (
         ("--hold", "time that each command is held [s] (default: none)"),
         ("--latency", "time from a state to its command [s] (default: none)"),
         ("--wind", "largest wind beyond the model's own [m/s] (default: 0)"),
     ):
-        parser.add_argument(name, metavar="X", type=float, default=0.0, help=words)
+        parser.add_number(name, words, 0.0, kind=float)
     words = (
         "largest error of a command [rad/s] "
         f"(default: {_COMMAND_ERROR} with --latency, else 0)"
     )
-    parser.add_argument("--command-error", metavar="X", type=float, help=words)
+    parser.add_number("--command-error", words, kind=float)
     words = "animation of the tube to write, a page that needs no server"
     parser.add_path("--html", "FILE", words)
     parser.add_seed("of the states where the remainder is sampled")
@@ -140,20 +140,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raises InputError where an option is out of range or a file cannot be written."""
+    """Raises InputError where options contradict, or a file cannot be written."""
     from diagrams.programs import program
 
-    check_seed(args.seed)
-    for name in ("hold", "latency", "wind", "command_error"):
-        value = getattr(args, name) or 0.0
-        option = f"--{name.replace('_', '-')}"
-        expect(0.0 <= value < math.inf, option, value, "zero or a positive number")
     words = "less than --hold, the time that a command is held"
     expect(
         not args.latency or args.latency < args.hold, "--latency", args.latency, words
     )
-    level = args.level or 0.0
-    expect(0.0 <= level < 1.0, "--level", level, "0, or a probability below 1")
     expect(
         args.out.suffix == ".npz", "--out", str(args.out), "a name that ends in .npz"
     )

@@ -13,8 +13,6 @@ if __name__ == "__main__":
 """
 
 import argparse
-import math
-import os
 import sys
 import tempfile
 import warnings
@@ -34,10 +32,11 @@ from glider.errors import (
     INTERRUPTED,
     INTERRUPTED_CODE,
     InputError,
+    expect,
     os_error_line,
     print_warning,
 )
-from glider.files.writing import write_text
+from glider.files.writing import check_writable, write_text
 from glider.physics.parameters import GliderParameters
 from glider.planning.dircol import PlanningError
 from glider.planning.plan import Plan
@@ -56,27 +55,11 @@ def make_parser(words: str | None) -> CommandParser:
     )
 
 
-def add_count(
-    parser: argparse.ArgumentParser,
-    name: str,
-    default: int | None,
-    words: str,
-    *,
-    least: int = 1,
-    metavar: str | None = None,
-) -> None:
-    """Adds an option for an integer of at least `least`; `words` are its help."""
-    parser.add_argument(
-        name, metavar=metavar, type=_whole_number(least), default=default, help=words
-    )
-
-
-def add_launches(parser: argparse.ArgumentParser, count: int, least: int = 1) -> None:
+def add_launches(parser: CommandParser, count: int, least: int = 1) -> None:
     """Adds --launches, by default `count` and not below `least`, and --seed."""
     launches = "how many to fly (default: %(default)s)"
-    add_count(parser, "--launches", count, launches, least=least, metavar="N")
-    seed = "of all random numbers (default: %(default)s)"
-    add_count(parser, "--seed", 0, seed, least=0, metavar="N")
+    parser.add_number("--launches", launches, count, least=least)
+    parser.add_seed("of all random numbers")
 
 
 def add_truth(parser: argparse.ArgumentParser, default: str) -> None:
@@ -107,36 +90,13 @@ def read_options(
     for name, words in files.items():
         parser.add_path(name, "FILE", words)
     words = "of the animation: 1 is real time, 0.25 (the default) four times slower"
-    parser.add_argument("--rate", metavar="R", type=_rate, default=0.25, help=words)
+    parser.add_number("--rate", words, 0.25, kind=float, least=0.001)
     words = "without --html show no animation"
     parser.add_argument("--headless", action="store_true", help=words)
     args = parser.parse_args(arguments)
     picture = getattr(args, "figure", None)
     check_files(args.html, figure=picture)
     return args
-
-
-def _rate(text: str) -> float:
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = math.nan
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return rate
-
-
-def _whole_number(least: int) -> Callable[[str], int]:
-    """Returns a `type` of argparse for integers of at least `least`."""
-
-    def read(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            raise argparse.ArgumentTypeError(
-                f"{text} is not an integer of at least {least}"
-            )
-        return int(text)
-
-    return read
 
 
 def check_files(*files: Path | None, figure: Path | None = None) -> None:
@@ -149,18 +109,17 @@ def check_files(*files: Path | None, figure: Path | None = None) -> None:
     for file in (*files, figure):
         if file is None:
             continue
-        if not file.parent.is_dir():
-            raise InputError(f"{file}: the folder {file.parent} does not exist.")
-        if file.is_dir():
-            raise InputError(f"{file}: is a folder; expected the name of a file.")
-        if not os.access(file if file.exists() else file.parent, os.W_OK):
-            raise InputError(f"{file}: cannot be written; permission is denied.")
-    formats = FigureCanvasBase.get_supported_filetypes()
-    if figure is not None and figure.suffix.lower().removeprefix(".") not in formats:
-        raise InputError(
-            f"{figure}: '{figure.suffix}' is no format of pictures; expected one of "
-            f"{', '.join(sorted(formats))}."
-        )
+        if file.is_dir() or not file.parent.is_dir():
+            raise InputError(
+                f"{file}: is a folder, or in none; expected the name of a file in a "
+                "folder that exists."
+            )
+        check_writable(file.parent)
+    if figure is not None:
+        formats = sorted(FigureCanvasBase.get_supported_filetypes())
+        good = figure.suffix.lower().removeprefix(".") in formats
+        expected = f"one of {', '.join(formats)}"
+        expect(good, f"{figure}: the format", figure.suffix, expected)
 
 
 # --------------------------------------------------------------------- and after it

@@ -5,10 +5,8 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 
+from diagrams.urdf import make_outline
 from glider.physics.parameters import GliderParameters
-
-_WING_ASPECT_RATIO = 4.0  # As in Meshcat: the parameters give only its area.
-_NOSE = 0.09  # From the leading edge to the nose, as in Meshcat [m].
 
 
 def draw_glider(
@@ -28,18 +26,15 @@ def draw_glider(
         color: of all parts.
         alpha: opacity.
     """
-    chord = math.sqrt(parameters.wing_area / _WING_ASPECT_RATIO)
+    outline = make_outline(parameters)
     center, pitch, elevator = pose[:2], pose[2], pose[3]
     body = _along(pitch)
-    hinge = center - parameters.hinge_offset * body
-    nose = center + (parameters.wing_offset + 0.5 * chord + _NOSE) * body
-    wing = center + parameters.wing_offset * body
-    tip = hinge - 2.0 * parameters.elevator_offset * _along(pitch + elevator)
-    lines = (
-        (hinge, nose, 1.2),
-        (wing - 0.5 * chord * body, wing + 0.5 * chord * body, 3.5),
-        (hinge, tip, 2.5),
-    )
+    hinge = center + outline["hinge"] * body
+    nose = center + outline["nose"] * body
+    wing = center + outline["wing_x"] * body
+    half = 0.5 * outline["chord"] * body
+    tip = hinge - outline["elevator_chord"] * _along(pitch + elevator)
+    lines = ((hinge, nose, 1.2), (wing - half, wing + half, 3.5), (hinge, tip, 2.5))
     for start, end, width in lines:
         x, z = zip(start, end, strict=True)
         ax.plot(x, z, color=color, alpha=alpha, lw=width, solid_capstyle="round")

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import math
 from pathlib import Path
-from typing import Any
 
 from glider.commands.output import working
-from glider.commands.parsing import CommandParser, check_seed
-from glider.errors import InputError, expect
+from glider.commands.parsing import CommandParser
+from glider.errors import InputError
 from glider.progress import Step
 
 DESCRIPTION = """\
@@ -52,7 +50,7 @@ def add_arguments(parser: CommandParser) -> None:
     words = "the problem's hook must accept every state of its last set"
     parser.add_switch("--hook", words)
     words = "check every N-th interval only, and the last (default: all)"
-    parser.add_number("--every", words, 1)
+    parser.add_number("--every", words, 1, least=1)
     words = "prove that no flight leaves it, in continuous time; takes minutes"
     parser.add_switch("--prove", words)
     words = "of the ascents, which it repeats (default: a new one each time)"
@@ -64,7 +62,7 @@ def add_arguments(parser: CommandParser) -> None:
         ("--wind", "largest wind beyond the model's own [m/s]", "0"),
     ):
         help_ = f"with --prove: {words} (default: {default})"
-        parser.add_argument(name, metavar="X", type=float, help=help_)
+        parser.add_number(name, help_, kind=float)
     parser.add_json("JSON instead of sentences")
 
 
@@ -96,7 +94,9 @@ def run(args: argparse.Namespace) -> int:
         hook=args.hook,
         model=model,
         covariance=covariance,
-        **_proven_loop(args),
+        command_error=args.command_error or 0.0,
+        wind=args.wind or 0.0,
+        period=args.hold,
     )
     with working(is_even=True) as progress:
 
@@ -142,29 +142,8 @@ def _proven(args, checked, follow):
 
 
 def _check_options(args: argparse.Namespace) -> None:
-    """Checks the options; InputError for the first that will not do."""
-    expect(args.every >= 1, "--every", args.every, "a positive number")
-    latency = args.latency or 0.0
-    words = "0 or more, and less than the period"
-    expect(0.0 <= latency < math.inf, "--latency", latency, words)
+    """Raises InputError where an option is of a proof that is not asked for."""
     for name in ("latency", "hold", "command_error", "wind"):
         if getattr(args, name) is not None and not args.prove:
-            own = name.replace("_", "-")
-            words = f"--{own} has no effect without --prove; expected both."
-            raise InputError(words)
-    check_seed(args.seed or 0)
-
-
-def _proven_loop(args: argparse.Namespace) -> dict[str, Any]:
-    """Command error, wind and hold that --prove requires, as fields of a `Purpose`."""
-    if not args.prove:
-        return {}
-    for name in ("hold", "command_error", "wind"):
-        option = f"--{name.replace('_', '-')}"
-        value = getattr(args, name) or 0.0
-        expect(0.0 <= value < math.inf, option, value, "zero or a positive number")
-    return {
-        "command_error": args.command_error or 0.0,
-        "wind": args.wind or 0.0,
-        "period": args.hold,
-    }
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(f"{option} has no effect without --prove; expected both.")

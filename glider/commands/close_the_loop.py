@@ -3,7 +3,7 @@
 import argparse
 
 from glider.commands.output import output, working
-from glider.commands.parsing import CommandParser, check_seed, names, output_folder
+from glider.commands.parsing import CommandParser, names, output_folder
 
 DESCRIPTION = """\
 Finds what a glider's model lacks, from logs of its flights.
@@ -52,7 +52,6 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
-    check_seed(args.seed)
     folder = output_folder(args.out, args.campaign)
     with working() as progress:
         from glider.compiled.parallel import workers_of

@@ -3,13 +3,7 @@
 import argparse
 
 from glider.commands.output import output, working
-from glider.commands.parsing import (
-    CommandParser,
-    check_seed,
-    default_folder,
-    output_folder,
-)
-from glider.errors import expect
+from glider.commands.parsing import CommandParser, default_folder, output_folder
 
 DESCRIPTION = """\
 Proposes the next throws of a campaign: launches and elevator commands that best
@@ -40,7 +34,8 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_campaign()
     words = "folder that close-the-loop wrote of it (default: out/CAMPAIGN)"
     parser.add_path("--report", "DIR", words)
-    parser.add_number("--launches", "how many throws to propose (default: 3)", 3)
+    words = "how many throws to propose (default: 3)"
+    parser.add_number("--launches", words, 3, least=1)
     parser.add_path("--limits", "FILE.yaml", "limits of the throws")
     files = "commands_N.csv, next_throw.json and next_throw.png"
     parser.add_out(files, "out/CAMPAIGN/next_throw")
@@ -51,8 +46,6 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
-    check_seed(args.seed)
-    expect(args.launches >= 1, "--launches", args.launches, "at least 1")
     folder = output_folder(args.out, args.campaign, "next_throw")
 
     report = args.report or default_folder(args.campaign)

@@ -1,9 +1,11 @@
 """Arguments that several commands have."""
 
 import argparse
+import math
 from pathlib import Path
+from typing import NoReturn
 
-from glider.errors import InputError, expect
+from glider.errors import InputError
 from glider.files.writing import check_writable
 
 
@@ -40,9 +42,32 @@ class CommandParser(argparse.ArgumentParser):
         """Adds --json, which prints that instead of text for people."""
         self.add_switch("--json", f"print {words}")
 
-    def add_number(self, name: str, words: str, default: int | None = None) -> None:
-        """Adds an option for an integer."""
-        self.add_argument(name, metavar="N", type=int, default=default, help=words)
+    def add_number(
+        self,
+        name: str,
+        words: str,
+        default: float | None = None,
+        *,
+        kind: type[int] | type[float] = int,
+        least: float = 0,
+        most: float = math.inf,
+    ) -> None:
+        """Adds an option for an integer, or a finite float, within bounds."""
+        expected = "an integer" if kind is int else "a number"
+        expected += f" of at least {least}"
+        if most < math.inf:
+            expected += f" and at most {most}"
+
+        def read(text: str) -> float:
+            try:
+                value = kind(text)
+            except ValueError:
+                value = math.nan
+            if not (least <= value <= most and math.isfinite(value)):
+                raise argparse.ArgumentTypeError(f"{text} is not {expected}")
+            return value
+
+        self.add_argument(name, metavar="N", type=read, default=default, help=words)
 
     def add_cluster(self) -> None:
         """Adds --cluster, whose workers do what is done in parallel."""
@@ -53,13 +78,12 @@ class CommandParser(argparse.ArgumentParser):
         self.add_argument("--cluster", metavar="ADDRESS", help=words)
 
     def add_seed(self, words: str) -> None:
-        """Adds --seed, of what is drawn at random; see `check_seed`."""
+        """Adds --seed, of what is drawn at random."""
         self.add_number("--seed", f"{words} (default: 0)", 0)
 
-
-def check_seed(seed: int) -> None:
-    """Raises InputError where a seed is negative."""
-    expect(seed >= 0, "--seed", seed, "0 or more")
+    def error(self, message: str) -> NoReturn:
+        """Raises InputError where arguments cannot be parsed."""
+        raise InputError(f"{message}.")
 
 
 def default_folder(campaign: Path, *parts: str) -> Path:

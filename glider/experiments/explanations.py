@@ -113,7 +113,7 @@ def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, 
         own = dataclasses.replace(start, scales=scales)
         fitted = fit_model(task, own, iterations=4, free_scales=())
         weighed.append(_weigh(task, fitted))
-    return with_probabilities(weighed, UNKNOWN)
+    return _with_probabilities(weighed)
 
 
 def _start(task: Task, noise: Noise, model: GliderModel) -> FitResult:
@@ -149,17 +149,12 @@ def _weigh(task: Task, model: FitResult) -> Explanation:
     )
 
 
-def with_probabilities(
-    weighed: Sequence[Explanation], missing: float = 0.0
-) -> tuple[Explanation, ...]:
-    """Explanations with probabilities, best first, without hopeless ones.
-
-    `missing` is the probability that none of them is right.
-    """
+def _with_probabilities(weighed: Sequence[Explanation]) -> tuple[Explanation, ...]:
+    """Explanations with probabilities, best first, without hopeless ones."""
     ranked = sorted(weighed, key=lambda own: -own.log_evidence)
     least = ranked[0].log_evidence + np.log(_LEAST)
     likely = [own for own in ranked if own.log_evidence > least]
-    shares = (1.0 - missing) * softmax([own.log_evidence for own in likely])
+    shares = (1.0 - UNKNOWN) * softmax([own.log_evidence for own in likely])
     return tuple(
         dataclasses.replace(own, probability=float(share))
         for own, share in zip(likely, shares, strict=True)

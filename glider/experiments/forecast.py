@@ -16,6 +16,7 @@ Technometrics 9, 1967; Lindley, Annals of Mathematical Statistics 27, 1956).
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -24,12 +25,12 @@ from scipy.special import log_softmax
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.parallel import in_parallel
 from glider.experiments.explanations import Explanation
-from glider.experiments.throws import Range, Throw, is_safe, log_of, missed
+from glider.experiments.throws import Range, Throw, is_safe, log_of
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.filtering import whiten
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.linear_flight import LinearFlight
-from glider.sysid.likelihood.model_fit import linear_flight, moved, prior_of
+from glider.sysid.likelihood.model_fit import linear_flight, prior_of
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Noise, Record, prepare
 
@@ -38,6 +39,15 @@ Grams = tuple[np.ndarray, ...]
 
 _DRAWN_FUTURES = 128
 """Futures drawn of each explanation, in mirrored pairs."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Predicted:
+    """What a throw will show by each explanation."""
+
+    throw: Throw
+    paths: np.ndarray  #: (explanations, n, 3) poses.
+    grams: Grams
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -79,66 +89,40 @@ class Forecast:
         """Of the explanations; their sum is below 1, as none of them may be right."""
         return np.array([e.probability for e in self.explanations])
 
-    def logs(self, throws: Sequence[Throw]) -> list[list[Record]]:
-        """Records of throws predicted by each explanation, one list a throw."""
-        flights = [(throw, model) for throw in throws for model in self._models]
-        made = self._fly(flights)
-        count = len(self._models)
-        found = []
-        for k in range(0, len(made), count):
-            own = made[k : k + count]
-            found.append([record for record in own if record is not None])
-
-        return found
-
-    def _fly(self, flights: Sequence[tuple[Throw, FitResult]]) -> list[Record | None]:
-        """Records of throws by models; None where one diverges."""
+    def predict(self, throws: Sequence[Throw]) -> list[Predicted | None]:
+        """What throws will show; None for those that leave the limits, or diverge."""
         space = self.task.space
 
         def fly(one: tuple[Throw, FitResult]) -> Flight:
             throw, model = one
             return log_of(throw, self.place, space, model.theta, model.gaussians)
 
-        flown = in_parallel(fly, flights)
-        finite = [bool(np.all(np.isfinite(f.pose))) for f in flown]
-        whole = [f for f, ok in zip(flown, finite, strict=True) if ok]
+        flown = in_parallel(fly, itertools.product(throws, self._models))
+        is_finite = [bool(np.all(np.isfinite(flight.pose))) for flight in flown]
+        whole = list(itertools.compress(flown, is_finite))
         records = iter(prepare(whole, self.campaign, self.noise, space))
-        made: list[Record | None] = []
-        for ok in finite:
-            record = None
+        made = [next(records) if ok else None for ok in is_finite]
+        count = len(self._models)
+        logs = [made[k : k + count] for k in range(0, len(made), count)]
+        return in_parallel(self._predict, zip(throws, logs, strict=True))
 
-            if ok:
-                record = next(records)
-                record = dataclasses.replace(record, usual_rest=record.rest)
-            made.append(record)
-        return made
-
-    def _is_safe(self, throw: Throw, logs: list[Record]) -> bool:
-        """Checks that a throw keeps the limits by every explanation."""
-        limits = self.place.limits
-        return len(logs) == len(self.explanations) and all(
-            is_safe(throw, record, model.theta, model.gaussians, limits)
-            for record, model in zip(logs, self._models, strict=True)
-        )
-
-    def predicted(self, throws: Sequence[Throw]) -> list[Grams | None]:
-        """Grams of throws; None for those that leave the limits, or diverge."""
-
-        def weigh(pair: tuple[Throw, list[Record]]) -> Grams | None:
-            throw, logs = pair
-            if not self._is_safe(throw, logs):
+    def _predict(self, pair: tuple[Throw, list[Record | None]]) -> Predicted | None:
+        """What a throw will show, from its records by each explanation."""
+        throw, logs = pair
+        records = []
+        for found, model in zip(logs, self._models, strict=True):
+            if found is None:
                 return None
-            grams = tuple(map(self._gram, logs))
-            # An explanation may diverge.
-            finite = all(np.all(np.isfinite(own)) for own in grams)
-            return grams if finite else None
-
-        pairs = zip(throws, self.logs(throws), strict=True)
-        return in_parallel(weigh, pairs)
-
-    def grams(self, logs: Sequence[list[Record]]) -> list[Grams]:
-        """Grams of throws, from their records by each explanation."""
-        return in_parallel(lambda own: tuple(map(self._gram, own)), logs)
+            record = dataclasses.replace(found, usual_rest=found.rest)
+            motion = model.theta, model.gaussians
+            if not is_safe(throw, record, *motion, self.place.limits):
+                return None
+            records.append(record)
+        grams = tuple(map(self._gram, records))
+        if not np.all(np.isfinite(grams)):  # An explanation may diverge.
+            return None
+        paths = np.array([record.pose for record in records])
+        return Predicted(throw=throw, paths=paths, grams=grams)
 
     def _gram(self, record: Record) -> np.ndarray:
         """Products of all columns of one record, (c, c)."""
@@ -166,32 +150,18 @@ class Forecast:
     def _draws(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Draws of each explanation: parameter errors δ (M, m), and noise (M, c)."""
         rng = np.random.default_rng(0)
+        pairs = _DRAWN_FUTURES // 2
         width = self._columns[-1].stop + 1
         found = []
         for e in self.explanations:
-            noise = rng.normal(size=(_DRAWN_FUTURES // 2, width))
-            numbers = self.numbers(e, rng, _DRAWN_FUTURES // 2)
+            noise = rng.normal(size=(pairs, width))
+            standard = rng.normal(size=(pairs, len(e.precision)))
+            factor = np.linalg.cholesky(e.precision)
+            drawn = np.linalg.solve(factor.T, standard.T).T
+            prior = prior_of(self.task, e.model)
+            numbers = np.clip(np.vstack([drawn, -drawn]), prior.lower, prior.upper)
             found.append((numbers, np.vstack([noise, -noise])))
         return found
-
-    def numbers(
-        self, explanation: Explanation, rng: np.random.Generator, pairs: int
-    ) -> np.ndarray:
-        """Draws departures δ of the true parameters from the fitted, (2 pairs, m)."""
-        precision = explanation.precision
-        standard = rng.normal(size=(pairs, len(precision)))
-        if not len(precision):
-            return np.zeros((2 * pairs, 0))
-        scale = 1.0 / np.sqrt(np.diag(precision))
-        scaled = precision * scale[:, None] * scale
-        factor = np.linalg.cholesky(scaled)
-        drawn = np.linalg.solve(factor.T, standard.T).T
-        drawn = drawn * scale
-
-        prior = prior_of(self.task, explanation.model)
-        mirrored = np.vstack([drawn, -drawn])
-
-        return np.clip(mirrored, prior.lower, prior.upper)
 
     def odds(self, gram: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """Log-probability of each explanation in futures, (M, n), up to a constant.
@@ -248,54 +218,6 @@ class Forecast:
         gained = np.mean(futures, axis=1) - today
         return np.diag(gained)[:, None] - gained
 
-    def tried(
-        self, throws: Sequence[Throw], rng: np.random.Generator, draws: int
-    ) -> float:
-        """Probability that the best explanation will be the right one, by simulation.
-
-        Gliders with drawn parameters fly from perturbed launches, so that nothing is
-        linear in the truth. The strength of the noise is known from the flights so far
-        alone, each a sample of the flight-to-flight variation: parameters and noise
-        are drawn from a Student distribution.
-
-        Args:
-            throws: all that are flown.
-            rng: draws parameters, launches and noise.
-            draws: gliders, in proportion to the probability of their explanation; each
-                is flown with several draws of noise.
-        """
-        freedom = _PER_FLIGHT * len(self.task.records)
-        gliders = draws * self.probabilities / np.sum(self.probabilities)
-        truths = []
-        flights = []
-        for i, e in enumerate(self.explanations):
-            pairs = max(1, round(0.5 * gliders[i]))
-            for numbers in self.numbers(e, rng, pairs):
-                strength = float(np.sqrt(freedom / rng.chisquare(freedom)))
-                truth = moved(self.task, e.model, strength * numbers)
-                truths.append((i, strength))
-                for throw in throws:
-                    thrown = missed(throw, self.place.limits, rng)
-                    flights.append((thrown, truth))
-        size = self._columns[-1].stop + 1
-        diverged = np.full((size, size), np.nan)
-        grams = in_parallel(
-            lambda record: diverged if record is None else self._gram(record),
-            self._fly(flights),
-        )
-        right: list[list[float]] = [[] for _ in self.explanations]
-        for k, (i, strength) in enumerate(truths):
-            first = k * len(throws)
-            gram = np.sum(grams[first : first + len(throws)], axis=0)
-            share = 0.0  # Not promised where it diverges.
-            if np.all(np.isfinite(gram)):
-                noise = strength * rng.normal(size=(_NOISES, size))
-                odds = self.odds(gram, noise @ _root(gram))
-                share = float(np.mean(np.argmax(odds, axis=1) == i))
-            right[i].append(share)
-        chances = [np.mean(shares) for shares in right]
-        return float(self.probabilities @ chances)
-
     def covariance(self, grams: Grams | None = None) -> np.ndarray:
         """Covariance of the best explanation's free parameters, after throws if any."""
         precision = self.explanations[0].precision
@@ -303,13 +225,6 @@ class Forecast:
             own = self._columns[0]
             precision = precision + grams[0][own, own]
         return solve_scaled(precision, np.eye(len(precision)))
-
-
-_PER_FLIGHT = 2
-"""Degrees of freedom that a flight adds: a trim, and a pitch offset or a wind."""
-
-_NOISES = 8
-"""Draws of noise that a drawn glider is flown in."""
 
 
 def _root(gram: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from glider.campaign.turning import signs_of
 from glider.errors import InputError, expect
 from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.forecast import Forecast, added
-from glider.experiments.throw_limits import ThrowLimits, limits_flown
+from glider.experiments.throw_limits import ThrowLimits
 from glider.experiments.throw_search import end_scatter, search
 from glider.experiments.throws import Range, Throw, range_of
 from glider.progress import Progress, Step, silent
@@ -26,9 +26,6 @@ from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.log_space import log_space
 from glider.sysid.replay.record import Noise, measure_noise, prepare
 from glider.sysid.replay.vehicle import make_vehicle
-
-_TRIED = 64
-"""Gliders with drawn parameters that proposed throws are tried on."""
 
 _LIKE_FLOWN = 12
 """Flown flights whose ends represent those of flights to come."""
@@ -163,42 +160,31 @@ def propose(
 ) -> Proposal:
     """Proposes throws, given the explanations of a campaign; see `next_throw`."""
     begin = time.perf_counter()
-    travel = campaign.elevator_limits
-    rate = campaign.elevator_rate_limit
-    limits = limits_flown(task.records, travel, rate, limits)
-    place = range_of(campaign, task.records, limits)
-    everything = Forecast(
+    forecast = Forecast(
         campaign=campaign,
         task=task,
         noise=noise,
         explanations=tuple(explanations),
-        place=place,
+        place=range_of(campaign, task.records, limits),
     )
     likely = task.thinned(_LIKE_FLOWN)
     scatter = end_scatter(likely, explanations[0])
     rng = np.random.default_rng(seed)
-    throws = search(everything, scatter, launches, rng, progress)
-    progress("weighing the throws")
-    logs = everything.logs(throws)
-    then = added(everything.grams(logs))
-    futures = everything.futures(then)
-    now = float(everything.probabilities.max())
-    chance = everything.chance(futures)
-    if len(explanations) > 1:
-        progress("trying the throws on drawn gliders")
-        chance = min(chance, max(now, everything.tried(throws, rng, _TRIED)))
+    found = search(forecast, scatter, launches, rng, progress)
+    then = added([own.grams for own in found])
+    futures = forecast.futures(then)
     return Proposal(
         campaign=campaign.name,
-        explanations=everything.explanations,
-        throws=tuple(throws),
-        paths=tuple(np.array([r.pose for r in own]) for own in logs),
-        flown=tuple(r.pose for r in task.records),
-        place=place,
-        chance_now=now,
-        chance_then=chance,
-        distances=everything.distances(futures),
+        explanations=forecast.explanations,
+        throws=tuple(own.throw for own in found),
+        paths=tuple(own.paths for own in found),
+        flown=tuple(record.pose for record in task.records),
+        place=forecast.place,
+        chance_now=float(forecast.probabilities.max()),
+        chance_then=forecast.chance(futures),
+        distances=forecast.distances(futures),
         ending_air=scatter.air,
-        ending_now=scatter.by_parameters(everything.covariance()),
-        ending_then=scatter.by_parameters(everything.covariance(then)),
+        ending_now=scatter.by_parameters(forecast.covariance()),
+        ending_then=scatter.by_parameters(forecast.covariance(then)),
         seconds=time.perf_counter() - begin,
     )

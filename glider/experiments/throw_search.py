@@ -13,9 +13,9 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.errors import InputError
-from glider.experiments.explanations import Explanation, with_probabilities
-from glider.experiments.forecast import Forecast, Grams, added
-from glider.experiments.throws import GENES, Throw, throw_of
+from glider.experiments.explanations import Explanation
+from glider.experiments.forecast import Forecast, Grams, Predicted, added
+from glider.experiments.throws import GENES, throw_of
 from glider.progress import Progress, Step
 from glider.sysid.likelihood.directions import slopes
 from glider.sysid.likelihood.filtering import start_variances, whiten
@@ -34,9 +34,6 @@ _ELITES = 8
 
 _ROUNDS = 4
 """Rounds of drawing throws."""
-
-_SEARCHED = 3
-"""Explanations that the search distinguishes; the proposal weighs all."""
 
 _SPREAD = 0.15
 """Spread of a round about an elite, in genes; halved from round to round."""
@@ -100,22 +97,19 @@ def end_scatter(task: Task, explanation: Explanation) -> _EndScatter:
 
 
 def search(
-    everything: Forecast,
+    forecast: Forecast,
     scatter: _EndScatter,
     launches: int,
     rng: np.random.Generator,
     progress: Progress,
-) -> list[Throw]:
+) -> list[Predicted]:
     """Finds the throws that together leave least uncertain.
 
     Raises:
         InputError: no throw keeps within the limits.
     """
-    few = with_probabilities(everything.explanations[:_SEARCHED])
-    searched = dataclasses.replace(everything, explanations=few)
     genes: list[np.ndarray] = []
-    throws: list[Throw] = []
-    grams: list[Grams] = []
+    found: list[Predicted] = []
     alone: list[float] = []
     chosen: list[int] = []
     for round_ in range(_ROUNDS):
@@ -129,36 +123,25 @@ def search(
             drawn = np.clip(drawn, 0.0, 1.0)
         else:
             drawn = rng.random((_FIRST, GENES))
-        new = [throw_of(own, everything.place) for own in drawn]
-        predicted = searched.predicted(new)
-
-        for own, throw, gram in zip(drawn, new, predicted, strict=True):
-            if gram is not None:
+        throws = [throw_of(own, forecast.place) for own in drawn]
+        for own, predicted in zip(drawn, forecast.predict(throws), strict=True):
+            if predicted is not None:
                 genes.append(own)
-                throws.append(throw)
-                grams.append(gram)
-
-        fresh = grams[len(alone) :]
-        alone += in_parallel(lambda g: _uncertainty_after(searched, scatter, g), fresh)
-        promising = [int(k) for k in np.argsort(alone)[:_PROMISING]]
-        best = choose(searched, scatter, [grams[k] for k in promising], launches)
+                found.append(predicted)
+        fresh = found[len(alone) :]
+        alone += in_parallel(
+            lambda new: _uncertainty_after(forecast, scatter, new.grams), fresh
+        )
+        promising = np.argsort(alone)[:_PROMISING].tolist()
+        grams = [found[k].grams for k in promising]
+        best = choose(forecast, scatter, grams, launches)
         chosen = [promising[k] for k in best]
-    while chosen:  # Less probable explanations must not predict a crash either.
-        found = [throws[k] for k in chosen]
-        predicted = everything.predicted(found)
-        pairs = zip(chosen, predicted, strict=True)
-        bad = {k for k, own in pairs if own is None}
-
-        if not bad:
-            return found
-
-        promising = [k for k in promising if k not in bad]
-        best = choose(searched, scatter, [grams[k] for k in promising], launches)
-        chosen = [promising[k] for k in best]
-    raise InputError(
-        "No throw that was tried keeps within the limits; expected wider limits of the "
-        "launch or of the flight (floor, pitch, speed)."
-    )
+    if not chosen:
+        raise InputError(
+            "No throw that was tried keeps within the limits; expected wider limits of "
+            "the launch or of the flight (floor, pitch, speed)."
+        )
+    return [found[k] for k in chosen]
 
 
 def choose(

@@ -1,7 +1,9 @@
 """Throws: a launch and a tape of elevator rates, drawn within limits, and flown."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -78,9 +80,9 @@ class Range:
 
 
 def range_of(
-    campaign: Campaign, records: Sequence[Record], limits: ThrowLimits
+    campaign: Campaign, records: Sequence[Record], given: ThrowLimits | None = None
 ) -> Range:
-    """Returns the range of a campaign's throws."""
+    """Returns the range of a campaign's throws: what was flown, or `given` limits."""
     rests = np.array(
         [r.rest for r in records if not r.is_cut] or [records[0].usual_rest]
     )
@@ -89,7 +91,7 @@ def range_of(
     if abs(rest - usual) < Z * np.std(rests) / np.sqrt(len(rests)):  # By noise alone.
         rest = usual
     return Range(
-        limits=limits,
+        limits=_limits_of(campaign, records, given or ThrowLimits()),
         x=float(np.median([r.nodes[0, 0] for r in records])),
         rest=rest,
         servo=records[0].servo,
@@ -97,6 +99,46 @@ def range_of(
         pose_rate=campaign.row_rate,
         command_rate=campaign.command_rate or _USUAL_COMMAND_RATE,
     )
+
+
+def _limits_of(
+    campaign: Campaign, records: Sequence[Record], given: ThrowLimits
+) -> ThrowLimits:
+    """Limits that flown flights kept, with the given ones in their place."""
+    starts = np.array([r.nodes[0] for r in records])
+    nodes = np.vstack([r.nodes for r in records])
+    xdot, zdot = starts[:, VELOCITY].T
+    speeds = np.linalg.norm(nodes[:, VELOCITY], axis=1)
+    x, z = nodes[:, POSITION].T
+    angles = np.concatenate([r.elevator[r.seen[:, 3]] for r in records])
+    commands = np.abs(np.concatenate([r.commands for r in records]))
+    flown = {
+        "launch_height": starts[:, _Z],
+        "launch_speed": np.hypot(xdot, zdot),
+        "launch_climb": np.arctan2(zdot, xdot),
+        "launch_pitch": starts[:, PITCH],
+        "x": x,
+        "z": z,
+        "pitch": np.append(nodes[:, PITCH], (-_STEEP, _STEEP)),
+        "elevator": campaign.elevator_limits or angles,
+    }
+    limits: dict[str, Any] = {}
+    for name, values in flown.items():
+        low = float(np.min(values))
+        limits[name] = low, max(float(np.max(values)), low + 1e-6)
+    limits["speed"] = _FASTER * float(speeds.max())
+    limits["elevator_rate"] = campaign.elevator_rate_limit or float(commands.max())
+    for name, value in vars(given).items():
+        if np.size(value) and np.all(np.isfinite(value)):
+            limits[name] = value
+    return ThrowLimits(**limits)
+
+
+_FASTER = 1.1
+"""Largest speed over the largest that was flown."""
+
+_STEEP = math.radians(60.0)
+"""Pitch that a flight may have either way, though none had [rad]."""
 
 
 def throw_of(genes: np.ndarray, place: Range) -> Throw:
@@ -179,11 +221,6 @@ def _perturbed(
     return dataclasses.replace(throw, launch=launch)
 
 
-def missed(throw: Throw, limits: ThrowLimits, rng: np.random.Generator) -> Throw:
-    """A throw with a drawn launch error; those of the limits are two σ."""
-    return _perturbed(throw, limits, *(0.5 * rng.normal(size=3)))
-
-
 def fly_throw(
     model: GliderModel, throw: Throw, place: Range, rng: np.random.Generator
 ) -> Flight:
@@ -192,20 +229,12 @@ def fly_throw(
     `place` is that of the proposal; `rng` draws the launch error and the noise of
     motion capture.
     """
-    thrown = missed(throw, place.limits, rng)
+    # The launch errors of the limits are two σ.
+    thrown = _perturbed(throw, place.limits, *(0.5 * rng.normal(size=3)))
     flight = log_of(
         thrown, place, log_space_of(model), vector_of(model), model.gaussians
     )
     return measured(flight, MotionCapture(rate=place.pose_rate), rng)
-
-
-def launches(throw: Throw, limits: ThrowLimits) -> list[np.ndarray]:
-    """The nominal launch, and those off by one launch error each, (7,) each.
-
-    In the order of -height, -pitch, -speed, height, pitch, speed.
-    """
-    signed = [sign * unit for sign in (-1.0, 1.0) for unit in np.eye(3)[[0, 2, 1]]]
-    return [throw.launch, *(_perturbed(throw, limits, *one).launch for one in signed)]
 
 
 def is_safe(
@@ -220,9 +249,16 @@ def is_safe(
     `record` is the throw as the model (theta, gaussians) predicts it.
     """
     elevator, rate, *_ = signals(record, theta)
-    flights = (
-        fly_path(record.space, theta, launch, record.time, elevator, rate, gaussians)
-        for launch in launches(throw, limits)
-    )
-    # The place of release is given: it may lie on the edge of what was flown.
-    return all(limits.allows(states[1:]) for states in flights)
+    for errors in _LAUNCH_ERRORS:
+        launch = _perturbed(throw, limits, *errors).launch
+        states = fly_path(
+            record.space, theta, launch, record.time, elevator, rate, gaussians
+        )
+        # The place of release is given: it may lie on the edge of what was flown.
+        if not limits.allows(states[1:]):
+            return False
+    return True
+
+
+_LAUNCH_ERRORS = np.vstack([np.zeros(3), -np.eye(3), np.eye(3)])
+"""Launch errors of height, speed and pitch that a throw must be safe with."""

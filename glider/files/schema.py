@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -29,6 +29,12 @@ else:
     class Number(float):
         """A float of a schema for which a file may have null: NaN."""
 
+
+Finite = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0.0, le=1e12)]
+Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e12)]
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+"""Numbers of a schema that a file must keep within bounds."""
 
 _WORDS = {
     "int": "a whole number",

@@ -74,7 +74,6 @@ def sentences(proposal: Proposal) -> list[str]:
         chance=_chance,
         length=format_length,
     )
-
     return [line for line in text.splitlines() if line]
 
 
@@ -120,7 +119,6 @@ def write_proposal(proposal: Proposal, folder: Path) -> None:
     for number, throw in enumerate(proposal.throws, start=1):
         tape = tape_text(throw.times, throw.commands, throw.end)
         files[commands_name(number)] = tape.encode()
-
     files["next_throw.png"] = draw_proposal(proposal)
     files["next_throw.json"] = f"{json_text(to_json(proposal))}\n".encode()
     replace_files(folder, files, last="next_throw.json")
@@ -161,7 +159,6 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
             "seconds": p.seconds,
         }
     )
-
     return found
 
 
@@ -169,7 +166,6 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
     """Prints what is expected, the launches and where their commands are."""
     for sentence in sentences(proposal):
         console.print(sentence, highlight=False)
-
     console.print()
     for number in range(1, len(proposal.throws) + 1):
         console.print(
@@ -182,40 +178,38 @@ def print_proposal(proposal: Proposal, folder: Path, console: Console) -> None:
 
 def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
     """Draws the proposed throws beside the flown flights, in a form of Matplotlib's."""
-    place = proposal.place
+    p = proposal
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 5.6), layout="constrained")
-        side, tape = figure.subplots(2)
-        for k, path in enumerate(proposal.flown):
-            label = "flown" if k == 0 else None
-            side.plot(*path[:, :2].T, color="#C4C4C4", lw=0.9, label=label)
-
-        for k, throw in enumerate(proposal.throws):
+        figure = Figure(figsize=(9.0, 8.0), layout="constrained")
+        path_axes, tape_axes, apart_axes = figure.subplots(3)
+        for path in p.flown:
+            path_axes.plot(*path[:, :2].T, color="#C4C4C4", lw=0.9)
+        for k, (throw, paths) in enumerate(zip(p.throws, p.paths, strict=True)):
             color = _COLORS[k % len(_COLORS)]
-            for e, path in enumerate(proposal.paths[k]):
-                dashes: Any = _LINES[e % len(_LINES)]
-                label = f"throw {k + 1}" if e == 0 else None
-                x, z = path[:, :2].T
-                side.plot(x, z, color=color, ls=dashes, lw=1.7, label=label)
-
+            time = np.arange(paths.shape[1]) / p.place.pose_rate
+            for e, path in enumerate(paths[:, :, :2]):
+                style: Any = {"color": color, "ls": _LINES[e % len(_LINES)], "lw": 1.7}
+                apart = np.linalg.norm(path - paths[0, :, :2], axis=1)
+                path_axes.plot(*path.T, **style)
+                apart_axes.plot(time, 1e3 * apart, **style)
             times = np.append(throw.times, throw.end)
-            angles = elevator_path(
-                throw.times, throw.commands, times, place.servo, start=place.rest
+            angles = np.degrees(
+                elevator_path(
+                    throw.times,
+                    throw.commands,
+                    times,
+                    p.place.servo,
+                    start=p.place.rest,
+                )
             )
-            tape.plot(times, np.degrees(angles), color=color, lw=1.6)
-
-        stops = np.degrees(place.limits.elevator)
-        dotted: Any = {"color": "k", "lw": 0.9, "ls": ":"}
-        side.axhline(place.limits.z[0], label="floor", **dotted)
-        for stop in stops:
-            tape.axhline(stop, **dotted)
-
-        side.set(xlabel="x, along the throw [m]", ylabel="z, up [m]")
-        tape.set(
-            xlabel="time since release [s]", ylabel="commanded elevator,\nup > 0 [°]"
-        )
-        figure.legend(loc="outside upper center", ncols=len(proposal.throws) + 2)
+            tape_axes.plot(times, angles, color=color, lw=1.6, label=f"throw {k + 1}")
+        path_axes.axhline(p.place.limits.z[0], color="k", lw=0.9, ls=":", label="floor")
+        path_axes.set(xlabel="x, along the throw [m]", ylabel="z, up [m]")
+        tape_axes.set(ylabel="commanded elevator,\nup > 0 [°]")
+        apart_axes.set(ylabel="difference of explanations,\nas fitted now [mm]")
+        for axes in (tape_axes, apart_axes):
+            axes.set_xlabel("time since release [s]")
+        figure.legend(loc="outside upper center", ncols=len(p.throws) + 1)
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
-
     return buffer.getvalue()

@@ -121,7 +121,7 @@ def test_the_stage_has_a_perch_only_where_there_is_a_wire():
     assert place_of(meshcat, "perch/wire") == pytest.approx([0.5, 0.0, 0.1])
     SetStage(meshcat, Stage(wire=None))
     assert not meshcat.HasPath("perch")
-    assert meshcat.HasPath("floor")
+    assert place_of(meshcat, "floor") == pytest.approx([-1.5, 0.0, -0.705])
 
 
 def test_the_camera_sees_the_whole_stage():

@@ -57,16 +57,16 @@ def test_the_help_is_the_docstring_with_a_usage(name, capsys):
 @pytest.mark.parametrize(
     ("name", "arguments", "words"),
     [
-        ("perch", ["--figure", "absent/a.png"], "absent does not exist"),
-        ("perch", ["--figure", "a.txt"], "no format of pictures"),
+        ("perch", ["--figure", "absent/a.png"], "in a folder that exists"),
+        ("perch", ["--figure", "a.txt"], "the format is '.txt'"),
         ("perch", ["--problem", "fence"], "fence"),
         ("perch_corrected", ["--truth", "gremlins"], "gremlins"),
         ("perching_funnel", ["--load", "absent"], "absent/drawn.npz: "),
-        ("perching_funnel", ["--save", "absent"], "absent does not exist"),
+        ("perching_funnel", ["--save", "absent"], "in a folder that exists"),
         ("replan", ["--model", "absent.yaml"], "absent.yaml: not a glider model"),
         ("close_the_loop", ["absent"], "absent: does not exist"),
         ("cruise", ["--speed", "1"], "No steady flight at 1 m/s"),
-        ("launch_map", ["--figure", "absent/a.png"], "absent does not exist"),
+        ("launch_map", ["--figure", "absent/a.png"], "in a folder that exists"),
         ("watch_log", ["attached_lift", "flight_099"], "there is no flight"),
         (
             "watch_log",

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from glider.experiments.explanations import (
+    UNKNOWN,
     Findings,
+    _with_probabilities,
     explain,
     findings_of,
     load_findings,
-    with_probabilities,
 )
 from glider.physics.effects.free_functions import FreeFunction
 from glider.report.folder import write_report
@@ -52,10 +53,12 @@ def test_small_probabilities_are_kept_and_hopeless_ones_are_not(late):
     weighed = [
         dataclasses.replace(first, log_evidence=value) for value in (-7.0, 0.0, -40.0)
     ]
-    kept = with_probabilities(weighed, 0.1)
+    kept = _with_probabilities(weighed)
     assert [e.log_evidence for e in kept] == [0.0, -7.0]
-    assert kept[1].probability == pytest.approx(0.9 * np.exp(-7.0), rel=1e-2)
-    assert sum(e.probability for e in kept) == pytest.approx(0.9)
+    assert kept[1].probability == pytest.approx(
+        (1.0 - UNKNOWN) * np.exp(-7.0), rel=1e-2
+    )
+    assert sum(e.probability for e in kept) == pytest.approx(1.0 - UNKNOWN)
 
 
 @pytest.mark.filterwarnings("ignore:.*varies from flight to flight:UserWarning")

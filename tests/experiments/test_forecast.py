@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal, norm
 
 from glider.experiments.explanations import Explanation
 from glider.experiments.forecast import Forecast, added
-from glider.experiments.throw_limits import limits_flown
+from glider.experiments.throw_limits import ThrowLimits
 from glider.experiments.throws import log_of, range_of
 from glider.physics.effects import NO_GAUSSIANS
 from glider.sysid.likelihood.filtering import whiten
@@ -19,15 +19,18 @@ from tests.helpers.late import flown_throw
 
 def forecast_of(late, explanations=None):
     campaign, task, noise, own = late
-    travel, rate = campaign.elevator_limits, campaign.elevator_rate_limit
-    limits = limits_flown(task.records, travel, rate)
+    wide = ThrowLimits(x=(-9.0, 9.0), z=(-9.0, 9.0), pitch=(-3.0, 3.0), speed=50.0)
     return Forecast(
         campaign=campaign,
         task=task,
         noise=noise,
         explanations=own if explanations is None else explanations,
-        place=range_of(campaign, task.records, limits),
+        place=range_of(campaign, task.records, wide),
     )
+
+
+def grams_of(forecast, throws):
+    return [predicted.grams for predicted in forecast.predict(throws)]
 
 
 def fixed(late):
@@ -61,7 +64,7 @@ def test_predicted_evidence_is_the_mean_of_noisy_flights(late):
     pair = fixed(late)
     forecast = forecast_of(late, pair)
     throw = flown_throw(task.records[0])
-    [grams] = forecast.grams(forecast.logs([throw]))
+    [grams] = grams_of(forecast, [throw])
     predicted = forecast.distances(forecast.futures(grams))[0, 1]
     assert predicted > 2.0  # Else the test would show nothing.
     scales, rng = pair[0].model.scales, np.random.default_rng(0)
@@ -102,7 +105,7 @@ def test_free_numbers_take_away_what_they_can_explain(late):
     predicted = []
     for rival in (moved, loose):
         forecast = forecast_of(late, (lag, rival))
-        [grams] = forecast.grams(forecast.logs([throw]))
+        [grams] = grams_of(forecast, [throw])
         # The room that a loose rival had beforehand is no part of what is told.
         odds = forecast.odds(grams[0], np.zeros((1, len(grams[0]))))[0]
         room = 0.5 * np.log(
@@ -162,7 +165,7 @@ def test_the_chance_of_two_is_that_of_their_bayes_factor(late, delta):
 def test_more_flights_show_more_and_leave_less_open(late):
     forecast = forecast_of(late)
     throws = [flown_throw(r) for r in late[1].records[:2]]
-    grams = forecast.grams(forecast.logs(throws))
+    grams = grams_of(forecast, throws)
     both = added(grams)
     told = [forecast.futures(g) for g in (grams[0], both, added([both] * 10))]
     opens = [forecast.open(f) for f in told]
@@ -234,29 +237,3 @@ def _bounds(late):
     slots = list(task.space.slots_of("wind"))
     own = task.vehicle.theta[slots]
     return task.space.lower[slots] - own, task.space.upper[slots] - own
-
-
-@pytest.mark.nightly
-def test_gliders_that_are_flown_bear_out_what_is_linear(late):
-    forecast = forecast_of(late)
-    throws = [flown_throw(r) for r in late[1].records] * 3
-    linear = forecast.chance(
-        forecast.futures(added(forecast.grams(forecast.logs(throws))))
-    )
-    tried = forecast.tried(throws, np.random.default_rng(0), 32)
-    assert 0.6 < linear < 0.99
-    assert tried == pytest.approx(linear, abs=0.12)
-
-
-def test_a_rival_that_lies_far_off_is_not_promised(late):
-    """Where the truth is not linear over what is open, the chance falls."""
-    forecast = forecast_of(late)
-    throws = [flown_throw(r) for r in late[1].records]
-    rng = np.random.default_rng
-    near = forecast.tried(throws, rng(0), 32)
-    loose = tuple(
-        dataclasses.replace(e, precision=e.precision / 400.0)
-        for e in forecast.explanations
-    )
-    far = dataclasses.replace(forecast, explanations=loose)
-    assert far.tried(throws, rng(0), 32) < near + 0.05

@@ -60,7 +60,7 @@ class Lockstep:
 
     def start_station(self):
         if self.session is not None:
-            self.session.close()  # As when the process died.
+            self.session._lock.close()  # As when the process died.
         self.session = Session(
             self.folder, self.scenario, self.guidance, self.lines.append
         )

@@ -370,9 +370,9 @@ def test_the_check_says_what_it_accounts_for(source, capsys):
     [
         (["--hold", "0.02"], "--hold has no effect without --prove"),
         (["--command-error", "0.1"], "--command-error has no effect without"),
-        (["--prove", "--hold", "nan"], "--hold is nan; expected zero or a positive"),
-        (["--prove", "--wind", "-1"], "--wind is -1.0; expected zero or a positive"),
-        (["--prove", "--command-error", "inf"], "--command-error is inf; expected"),
+        (["--prove", "--hold", "nan"], "--hold: nan is not a number"),
+        (["--prove", "--wind", "-1"], "--wind: -1 is not a number"),
+        (["--prove", "--command-error", "inf"], "--command-error: inf is not a number"),
         (["--latency", "0.01"], "--latency has no effect without --prove"),
         (["--prove", "--latency", "0.01"], "--latency is proven of held commands"),
     ],

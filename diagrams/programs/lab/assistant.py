@@ -2,15 +2,14 @@
 
 import contextlib
 import dataclasses
-import functools
-import json
 import re
 import secrets
 import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 
-from diagrams.programs.lab.folder import MAP, Watched, check_take, read_some
+from diagrams.programs.lab.folder import MAP, Watched, read_some
 from diagrams.programs.lab.state import Draft
 from glider.campaign.importing.formats import SUFFIXES
 from glider.campaign.logs import Campaign
@@ -52,29 +51,24 @@ class MapJob:
         from glider.campaign.importing.guess import guess_columns, guess_mapping
         from glider.campaign.importing.readers import read_recordings
 
-        names: dict[str, None] = {}  # Of columns, in their order.
-
-        def check(file: Path) -> None:
-            for recording in read_recordings(file):
-                names.update(dict.fromkeys(recording.names()))
-
         text = self.text
         try:
             if not text:
-                guess, _ = read_some(self._files, check, guess_mapping)
+                guess, _ = read_some(self._files, guess_mapping)
                 text = guess.text
             draft = self._check(text)
         except InputError as error:
             if not text:
                 with contextlib.suppress(InputError):  # What is known of it stays.
-                    columns, _ = read_some(self._files, check, guess_columns)
+                    columns, _ = read_some(self._files, guess_columns)
                     text = schema.yaml_text({"columns": columns}) if columns else ""
             draft = self.refused(self._short(error), text)
-        if not names:  # Those of one take are enough.
-            for file in self._files:
-                with contextlib.suppress(InputError):
-                    check(file)
-                    break
+        names: dict[str, None] = {}  # Of columns, in their order.
+        for file in self._files:  # Those of one take are enough.
+            with contextlib.suppress(InputError):
+                for recording in read_recordings(file):
+                    names.update(dict.fromkeys(recording.names()))
+                break
         return dataclasses.replace(
             draft, is_proposed=not self.text, columns=tuple(names)
         )
@@ -113,8 +107,7 @@ class MapJob:
                 return files, settings
             return files, campaign_import.campaign_of_cuts(settings, cuts)
 
-        check = functools.partial(check_take, claim=claim)
-        (files, campaign), skipped = read_some(self._files, check, cut)
+        (files, campaign), skipped = read_some(self._files, cut)
         flights = len(campaign.flights)
         draft = Draft(text=text, takes=self.takes, flights=flights, skipped=skipped)
         if flights:
@@ -126,29 +119,30 @@ class MapJob:
         return dataclasses.replace(draft, warnings=tuple(read.warnings))
 
 
+def _parse_map(text: str) -> dict[str, Any]:
+    """The fields of a map; axes by one name are a field of 'frame', too."""
+    known = schema.parse_yaml(text, MAP) or {}
+    if not isinstance(known, dict):
+        raise InputError(f"{MAP}: is no map; expected fields such as 'columns:'.")
+    if isinstance(known.get("frame"), str):
+        known["frame"] = {"axes": known["frame"]}
+    return known
+
+
 def map_fields(text: str) -> dict[str, dict[str, str]]:
     """Fields of a map by section, "" for those outside of one; {} for what is no map.
 
     Fields that are lists or have fields of their own are left out.
     """
     try:
-        known = schema.parse_yaml(text, MAP)
+        known = _parse_map(text)
     except InputError:
         return {}
-    if not isinstance(known, dict):
-        return {}
-    if isinstance(known.get("frame"), str):
-        known["frame"] = {"axes": known["frame"]}
-    sections = {"": known}
-    for name, value in known.items():
-        if isinstance(value, dict):
-            sections[name] = value
     found: dict[str, dict[str, str]] = {}
-    for section, fields in sections.items():
-        found[section] = {}
-        for name, value in fields.items():
-            if isinstance(value, str | float):
-                found[section][name] = str(value)
+    for section, fields in {"": known, **known}.items():
+        if isinstance(fields, dict):
+            plain = {k: v for k, v in fields.items() if isinstance(v, str | float)}
+            found[section] = {name: str(value) for name, value in plain.items()}
     return found
 
 
@@ -158,11 +152,7 @@ def with_map_field(text: str, section: str, name: str, value: str) -> str:
     Where only the value of a line changes, the comments of the others stay; otherwise
     the map is rewritten without comments.
     """
-    known = schema.parse_yaml(text, MAP) or {}
-    if not isinstance(known, dict):
-        raise InputError(f"{MAP}: is no map; expected fields such as 'columns:'.")
-    if known.get("frame") in ("NED", "ENU"):
-        known["frame"] = {"axes": known["frame"]}
+    known = _parse_map(text)
     fields = known.setdefault(section, {}) if section else known
     if not isinstance(fields, dict):
         raise InputError(f"{MAP}: '{section}' has no fields; expected such as {name}.")
@@ -172,9 +162,7 @@ def with_map_field(text: str, section: str, name: str, value: str) -> str:
     if section and not fields:
         del known[section]
     indent = "  " if section else ""
-    is_plain = re.fullmatch(r"[A-Za-z_-][\w.]*", value) and value not in ("y", "n")
-    quoted = value if is_plain else json.dumps(value, ensure_ascii=False)
-    line = f"{indent}{name}: {quoted}"
+    line = indent + schema.yaml_text({name: value}).strip()
     written = re.compile(rf"^{indent}{re.escape(name)}:.*$", re.MULTILINE)
     head = re.search(rf"^{re.escape(section)}:", text, re.MULTILINE)
     begin = head.end() if section and head else 0

@@ -2,12 +2,10 @@
 
 import argparse
 import contextlib
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glider.commands.parsing import CommandParser, check_seed
-from glider.errors import expect
+from glider.commands.parsing import CommandParser
 
 if TYPE_CHECKING:
     from diagrams.programs.lab.launches import Launches
@@ -43,28 +41,22 @@ def add_arguments(parser: CommandParser) -> None:
     words = "scenario of the station, for its bus, or of simulated launches"
     parser.add_path("--scenario", "YAML", words)
     words = "simulated launches that the page offers at a time (default: 10)"
-    parser.add_number("--throws", words, 10)
-    parser.add_number("--port", "of the page (default: any free one)", 0)
+    parser.add_number("--throws", words, 10, least=3)
+    words = "of the page (default: any free one)"
+    parser.add_number("--port", words, 0, most=65535)
     parser.add_seed("of simulated launches and noise")
 
 
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
-    check_seed(args.seed)
-    expect(args.throws >= 3, "--throws", args.throws, "at least 3")
-    expect(0 <= args.port < 1 << 16, "--port", args.port, "from 0 to 65535")
     from diagrams.programs.lab.launches import Launches
-    from diagrams.programs.station.bus import free_address
-    from diagrams.programs.station.scenario import Scenario, Simulation, load_scenario
+    from diagrams.programs.station.scenario import make_scenario
 
-    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
-    launches = None
+    scenario = make_scenario(args.scenario, args.simulate)
     bus = scenario.address
+    launches = None
     if args.simulate is not None:
-        simulation = scenario.simulation or Simulation()
-        simulation = dataclasses.replace(simulation, truth=args.simulate)
-        _ = dataclasses.replace(scenario, simulation=simulation).truth  # It is there.
-        bus = scenario.bus or free_address()
+        _ = scenario.truth  # It is there.
         args.folder.mkdir(parents=True, exist_ok=True)
         launches = Launches(
             folder=args.folder,

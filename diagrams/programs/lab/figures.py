@@ -48,11 +48,10 @@ def _effects_figure(traces: Sequence[Trace]) -> Figure | None:
 def _coefficient_panel(
     kind: str, name: str, estimates: dict[int, Estimate], counts: np.ndarray
 ) -> Panel:
+    found = np.array(sorted(estimates))
     values = np.full(len(counts), np.nan)
-    stds = np.zeros(len(counts))
-    for k, estimate in estimates.items():
-        values[k] = estimate.value
-        stds[k] = estimate.std
+    values[found] = [estimates[k].value for k in found]
+    stds = np.array([estimates[k].std for k in found])
     now = "no longer found"
     last = estimates.get(len(counts) - 1)
     if last:
@@ -65,19 +64,10 @@ def _coefficient_panel(
         has_dots=True,
         is_solid=True,
     )
-    low = values - _WIDE * stds
-    high = values + _WIDE * stds
-    bands = []
-    for run in _runs(np.isfinite(values)):
-        bands.append(Band("corrected", counts[run], low[run], high[run]))
+    low = values[found] - _WIDE * stds
+    high = values[found] + _WIDE * stds
+    band = Band("corrected", counts[found], low, high)
     title = f"{name_of(kind)}, {name_of(name)}: {now}"
     end = float(counts.max()) + 1.0
     axis = Axis("number of throws", (0.0, end))
-    return Panel(title, [Level(), *bands, line], axis, height=220)
-
-
-def _runs(given: np.ndarray) -> list[np.ndarray]:
-    """Indices of each unbroken run of True."""
-    every = np.flatnonzero(given)
-    gaps = np.flatnonzero(np.diff(every) > 1)
-    return np.split(every, gaps + 1)
+    return Panel(title, [Level(), band, line], axis, height=220)

@@ -7,25 +7,17 @@ import hashlib
 import math
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from diagrams.programs.lab.state import CORRECTED, NOMINAL, PROPOSED, Throw
-from diagrams.programs.station.scenario import Limits
 from diagrams.programs.station.throw import ThrowResult
-from diagrams.programs.station.throw_log import read_throw
-from glider.campaign.importing.campaign_import import (
-    ImportResult,
-    read_flights,
-    read_logs,
-)
-from glider.campaign.importing.splitting import split_flights
-from glider.campaign.importing.track import make_track
-from glider.campaign.settings import Mapping, read_settings
+from diagrams.programs.station.throw_log import read_throw, scenario_of
+from glider.campaign.importing.campaign_import import ImportResult, read_flights
+from glider.campaign.settings import read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect
 from glider.experiments.throw_limits import ThrowLimits
 from glider.files import schema
-from glider.progress import silent
 
 Read = TypeVar("Read")
 
@@ -123,11 +115,8 @@ class Watched:
         if not (self.has_takes and takes):
             return ()
         mapping = self.path / MAP
-        _, claim = read_settings(mapping)
         imported, self.skipped = read_some(
-            takes,
-            functools.partial(check_take, claim=claim),
-            functools.partial(read_flights, mapping=mapping),
+            takes, functools.partial(read_flights, mapping=mapping)
         )
         named = _flight_names(imported, takes)
         self._sources = {name: take.name for name, take in named.items()}
@@ -174,15 +163,12 @@ class Watched:
 
 
 def read_some(
-    files: Sequence[Path],
-    check: Callable[[Path], object],
-    read: Callable[[list[Path]], Read],
+    files: Sequence[Path], read: Callable[[list[Path]], Read]
 ) -> tuple[Read, dict[str, str]]:
     """Reads files together, without those that cannot be; returns why, by their names.
 
     Args:
         files: to be read.
-        check: refuses a file that cannot be read, even alone.
         read: reads files together; where it refuses one, its message begins with it.
 
     Raises:
@@ -190,35 +176,15 @@ def read_some(
     """
     good = list(files)
     reasons = dict[str, str]()
-    try:
-        return read(good), reasons
-    except InputError as error:
-        first = error
-    for file in files:
-        try:
-            check(file)
-        except InputError as error:
-            reasons[file.name] = str(error).removeprefix(f"{file.parent}/")
-            good.remove(file)
-    while good:
+    while True:
         try:
             return read(good), reasons
         except InputError as error:
             named = next((f for f in good if str(error).startswith(f"{f}:")), None)
-            if named is None:
+            if named is None or len(good) == 1:
                 raise
             reasons[named.name] = str(error).removeprefix(f"{named.parent}/")
             good.remove(named)
-    raise first
-
-
-def check_take(take: Path, claim: Mapping | None) -> None:
-    """Raises InputError where a take cannot be read by a mapping, whatever it shows."""
-    if claim is None or claim.join:  # Parts of takes can be read together only.
-        return
-    for recording in read_logs([take], claim, silent):
-        for part in split_flights(recording, claim.columns):
-            make_track(part, claim)
 
 
 def _flight_names(imported: ImportResult, takes: Sequence[Path]) -> dict[str, Path]:
@@ -255,8 +221,7 @@ def limits_of(folder: Path) -> ThrowLimits | None:
     if not records:
         return None
     facts, _ = read_throw(records[-1])
-    own = _scenario_of(facts, records[-1]).get("limits", {})
-    room = schema.convert(own, Limits, str(records[-1]))
+    room = scenario_of(facts, records[-1]).limits
     return ThrowLimits(x=room.x, z=room.z)
 
 
@@ -287,12 +252,6 @@ def _record(folder: Path, throw: Throw) -> Path | None:
     return folder / name if (folder / name).is_file() else None
 
 
-def _scenario_of(facts: dict[str, str], record: Path) -> dict[str, Any]:
-    """The station's scenario by the facts of a record; empty where it has none."""
-    scenario = schema.parse_yaml(facts.get("scenario", ""), str(record))
-    return scenario if isinstance(scenario, dict) else {}
-
-
 def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
     """Adds what the station recorded: the plan's model, and how the throw ended."""
     record = _record(folder, throw)
@@ -300,17 +259,15 @@ def _with_record(throw: Throw, folder: Path, nominal: str) -> Throw:
         return throw
     facts, topics = read_throw(record)
     planned = NOMINAL if facts.get("model") == nominal else CORRECTED
-    if _scenario_of(facts, record).get("commands"):
-        planned = PROPOSED
-    results = [e for e in topics["/event"] if e.get("state") == "result"]
-    if not results:  # The station died before the throw was over.
-        return dataclasses.replace(
-            throw, planned=planned, fault="its record ends early"
-        )
     try:
+        if scenario_of(facts, record).commands:
+            planned = PROPOSED
+        results = [e for e in topics["/event"] if e.get("state") == "result"]
+        if not results:  # The station died before the throw was over.
+            raise InputError("its record ends early")
         result = schema.convert(results[-1], ThrowResult, str(record))
     except InputError as error:
-        return dataclasses.replace(throw, fault=str(error))
+        return dataclasses.replace(throw, planned=planned, fault=str(error))
     return dataclasses.replace(
         throw,
         planned=planned,

@@ -8,9 +8,10 @@ import secrets
 import socket
 from pathlib import Path
 
+from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from glider.errors import InputError, expect
 from glider.files import schema
@@ -21,6 +22,16 @@ HOST = "127.0.0.1"
 _HEADER = "x-glider-lab"
 """Header of each request that changes something: pages of other sites cannot send it,
 also those of other ports of this computer, which get the cookie too."""
+
+
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+"""Headers of each answer, unless it has others."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,8 +95,16 @@ class TokenGate:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answers 403, or passes a request on."""
+
+        async def send_safely(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
         if scope["type"] == "lifespan" or self._may(Request(scope)):
-            await self._app(scope, receive, send)
+            await self._app(scope, receive, send_safely)
         else:
             words = "Expected the token of this session: open the address it printed.\n"
             await PlainTextResponse(words, 403)(scope, receive, send)

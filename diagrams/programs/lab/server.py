@@ -67,16 +67,8 @@ _MAP_CHOICES = {
 }
 """What a person may choose from in a map."""
 
-_HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cache-Control": "no-store",
-}
-
-# A replay and a report hold their own scripts.
-_OWN_SCRIPTS = {**_HEADERS, "Content-Security-Policy": "frame-ancestors 'self'"}
+_OWN_SCRIPTS = {"Content-Security-Policy": "frame-ancestors 'self'"}
+"""Headers of a replay and a report, which hold their own scripts."""
 
 
 class _Pages:
@@ -88,7 +80,7 @@ class _Pages:
 
     async def index(self, request: Request) -> Response:
         """The page; from here on the browser has the token as a cookie."""
-        response = FileResponse(_PAGE / "index.html", headers=_HEADERS)
+        response = FileResponse(_PAGE / "index.html")
         cookie = self._address.cookie
         token = self._address.token
         response.set_cookie(cookie, token, httponly=True, samesite="strict")
@@ -100,14 +92,12 @@ class _Pages:
 
     async def colors(self, request: Request) -> Response:
         """The colors of figures."""
-        return Response(color_style(), media_type="text/css", headers=_HEADERS)
+        return Response(color_style(), media_type="text/css")
 
     async def events(self, request: Request) -> Response:
         """The view, whenever it changes."""
         stream = _stream(self._session, request)
-        return StreamingResponse(
-            stream, media_type="text/event-stream", headers=_HEADERS
-        )
+        return StreamingResponse(stream, media_type="text/event-stream")
 
     async def figure(self, request: Request) -> Response:
         """The figure of a throw."""
@@ -117,7 +107,7 @@ class _Pages:
             raise HTTPException(404)
         figure = comparison.figure(has_wire=self._has_wire(name))
         text = json_text(figure, indent=-1)
-        return Response(text, media_type="application/json", headers=_HEADERS)
+        return Response(text, media_type="application/json")
 
     async def replay(self, request: Request) -> Response:
         """A throw in Meshcat."""
@@ -211,11 +201,11 @@ class _Pages:
         text = await _small_text(request)
         asked = request.query_params
         if "name" not in asked:
-            return JSONResponse(map_fields(text), headers=_HEADERS)
+            return JSONResponse(map_fields(text))
         given = (asked.get(key, "") for key in ("section", "name", "value"))
         with _refusals():
             changed = with_map_field(text, *given)
-        return PlainTextResponse(changed, headers=_HEADERS)
+        return PlainTextResponse(changed)
 
     async def map_picture(self, request: Request) -> Response:
         """The flights as the map reads them."""
@@ -357,7 +347,7 @@ def _refusals() -> Iterator[None]:
         raise HTTPException(400, str(error)) from None
 
 
-def _file(path: Path | None, headers: dict[str, str] = _HEADERS) -> Response:
+def _file(path: Path | None, headers: dict[str, str] | None = None) -> Response:
     if path is None or not path.is_file():
         raise HTTPException(404)
     return FileResponse(path, headers=headers)

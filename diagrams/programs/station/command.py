@@ -56,7 +56,7 @@ def add_arguments(parser: CommandParser) -> None:
     words = "tvlqr (default), mpc or mppi"
     parser.add_argument("--controller", choices=("tvlqr", "mpc", "mppi"), help=words)
     words = "end after so many (default: 10 with --simulate, else never)"
-    parser.add_number("--throws", words)
+    parser.add_number("--throws", words, least=1)
     parser.add_path("--log", "FOLDER", "campaign to write (default: out/fly)")
     parser.add_number("--seed", "of simulated launches and noise (default: 0)")
 
@@ -65,34 +65,31 @@ def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     throws = args.throws
     folder = args.log or Path("out/fly")
-    expect(throws is None or throws >= 1, "--throws", throws, "at least 1")
     check_writable(folder)
-    expect(args.seed is None or args.seed >= 0, "--seed", args.seed, "0 or more")
     good = args.commands is None or args.controller is None
     expect(good, "--controller", args.controller, "none with --commands")
-    from diagrams.programs.station.bus import Bus, free_address
+    from diagrams.programs.station.bus import Bus
     from diagrams.programs.station.controllers import make_guidance
     from diagrams.programs.station.realtime import KEYS, run_station, simulated_glider
-    from diagrams.programs.station.scenario import Scenario, Simulation, load_scenario
+    from diagrams.programs.station.scenario import make_scenario
     from diagrams.programs.station.session import Session
     from diagrams.programs.station.station import Station
     from glider.commands.output import working
 
-    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
-    changed = {"controller": args.controller, "bus": args.bus}
-    for name in ("model", "commands"):
-        changed[name] = getattr(args, name) and str(getattr(args, name))
-    changed = {name: value for name, value in changed.items() if value is not None}
-    scenario = dataclasses.replace(scenario, **changed)
-    changed = {"truth": args.simulate, "seed": args.seed}
-    changed = {name: value for name, value in changed.items() if value is not None}
-    if args.simulate is not None or scenario.simulation is not None:
-        simulation = scenario.simulation or Simulation()
-        simulation = dataclasses.replace(simulation, **changed)
-        own = scenario.bus or free_address()
-        scenario = dataclasses.replace(scenario, simulation=simulation, bus=own)
-    else:
-        expect(not changed, "--seed", args.seed, "it only with --simulate")
+    scenario = make_scenario(
+        args.scenario,
+        args.simulate,
+        controller=args.controller,
+        bus=args.bus,
+        model=args.model,
+        commands=args.commands,
+    )
+    if args.seed is not None:
+        simulation = scenario.simulation
+        expect(simulation, "--seed", args.seed, "it only with --simulate")
+        assert simulation is not None
+        simulation = dataclasses.replace(simulation, seed=args.seed)
+        scenario = dataclasses.replace(scenario, simulation=simulation)
     scenario.load_model(), scenario.load_problem()  # What is wrong is said once.
     with contextlib.ExitStack() as stack:
         is_alive = None

@@ -53,25 +53,29 @@ class WaitReasons:
         return is_due
 
 
-class _PoseCheck:
-    """Passes poses that can follow each other.
+class Watch:
+    """Passes poses that can follow each other, and knows why commands are not safe.
 
     Args:
-        limits: of places, speed and turn rate.
+        limits: of time, place, speed, turn rate and prediction.
         servo: travel and rate of the elevator.
+        operator: of the station.
     """
 
-    def __init__(self, limits: Limits, servo: Servo) -> None:
+    def __init__(self, limits: Limits, servo: Servo, operator: Operator) -> None:
+        self.seen = -math.inf  #: When the last usable pose was exposed [s].
+        self.rival = -math.inf  #: When another operator sent a command [s].
+        self.reason = ""  #: Why the last pose was refused.
         self._limits = limits
         self._servo = servo
+        self._operator = operator
         self._last = np.full(4, math.nan)
-        self._time = -math.inf
         self._angle = math.nan  # Of the elevator.
         self._angle_time = -math.inf
-        self.reason = ""  #: Why the last pose was refused.
+        self._late = self._far = 0
 
-    def find_fault(self, time: float, pose: np.ndarray, lead: float = 0.0) -> str:
-        """Why a pose (4,) cannot be used, "" if it can.
+    def check_pose(self, time: float, pose: np.ndarray, lead: float) -> str:
+        """Takes a pose (4,); returns why it cannot be used, "" if it can.
 
         An elevator that cannot be is no fault of the pose: `pose` then has NaN for it.
 
@@ -80,16 +84,16 @@ class _PoseCheck:
             pose: x, z, pitch, elevator.
             lead: time by which it came sooner than possible [s].
         """
-        self.reason = self._find(time, pose, lead)
+        self.reason = self._find_pose_fault(time, pose, lead)
         if not self.reason:
             self._check_elevator(time, pose)
             self._last = pose
-            self._time = time
+            self.seen = time
         return self.reason
 
-    def _find(self, time: float, pose: np.ndarray, lead: float) -> str:
+    def _find_pose_fault(self, time: float, pose: np.ndarray, lead: float) -> str:
         limits = self._limits
-        span = time - self._time
+        span = time - self.seen
         x, z, pitch = pose[:3].tolist()
         if not (math.isfinite(x) and math.isfinite(z) and math.isfinite(pitch)):
             return "a pose that is no number"
@@ -122,24 +126,6 @@ class _PoseCheck:
         else:
             pose[ELEVATOR] = math.nan
 
-
-class Watch:
-    """Knows why commands would not be safe now.
-
-    Args:
-        limits: of time, place and prediction.
-        servo: travel and rate of the elevator.
-        operator: of the station.
-    """
-
-    def __init__(self, limits: Limits, servo: Servo, operator: Operator) -> None:
-        self.check = _PoseCheck(limits, servo)
-        self.seen = -math.inf  #: When the last usable pose was exposed [s].
-        self.rival = -math.inf  #: When another operator sent a command [s].
-        self._limits = limits
-        self._operator = operator
-        self._late = self._far = 0
-
     def reset(self) -> None:
         """Forgets what a throw did wrong."""
         self._late = self._far = 0
@@ -166,7 +152,7 @@ class Watch:
             return "another operator sends commands on the bus"
         age = now - self.seen
         if age > self._limits.stale:
-            why = f" ({self.check.reason})" if self.check.reason else ""
+            why = f" ({self.reason})" if self.reason else ""
             since = f"for {1e3 * age:.0f} ms" if math.isfinite(age) else "yet"
             return f"no usable pose {since}{why}"
         if self._far >= _LOST:

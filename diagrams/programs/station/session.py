@@ -1,4 +1,8 @@
-"""The folder of a session: the records of its throws, and their campaign."""
+"""The folder of a session: the records of its throws, and their campaign.
+
+The record of the throw that runs takes messages at any time, and writes them when
+nothing is more urgent.
+"""
 
 import contextlib
 import dataclasses
@@ -11,6 +15,7 @@ from pathlib import Path
 
 from diagrams.programs.station.controllers import Guidance
 from diagrams.programs.station.scenario import Scenario
+from diagrams.programs.station.throw import Throw
 from diagrams.programs.station.throw_log import ThrowLog, flight_of, read_throw
 from glider.campaign.logs import ServoLog, campaign_of
 from glider.campaign.settings import read_settings
@@ -57,6 +62,9 @@ class Session:
         self.folder = folder
         self._show = show
         self._useless: set[Path] = set()  # Records without a flight.
+        self._log: ThrowLog | None = None  # The record of the throw that runs.
+        self._waiting: list[tuple[str, float, dict[str, object]]] = []
+        self.fault = ""  #: Why nothing can be recorded.
         truth = scenario.truth
         self._facts = {
             "scenario": schema.yaml_text(scenario),
@@ -95,11 +103,7 @@ class Session:
             write_text(file, text)
         self._lock = FolderLock(folder / ".station", folder, "station")
         self._check_truth()
-        self.recover()
-
-    def close(self) -> None:
-        """Lets another station have the folder."""
-        self._lock.close()
+        self._recover()
 
     def _check_truth(self) -> None:
         """Refuses throws of another simulated glider, or of a real one."""
@@ -113,7 +117,7 @@ class Session:
                 if read_throw(record)[0].get("truth", ours) != ours:
                     others.append(record)
         if others:
-            self.close()
+            self._lock.close()
             raise InputError(
                 f"{others[0]}: is of another glider (simulated with other effects, or "
                 "real); expected a new folder."
@@ -122,20 +126,73 @@ class Session:
     def _records(self) -> list[Path]:
         return sorted(self.folder.glob("throw_*.mcap"))
 
-    def recover(self) -> None:
+    def _recover(self) -> None:
         """Makes flights of records that were not closed."""
         for record in self._records():
             known = record in self._useless
             if not known and not (self.folder / _flight_name(record)).exists():
                 try:
-                    self.save(record)
+                    self._save(record)
                 except InputError as error:
                     self._useless.add(record)
                     self._show(f"skipped: {error}")
 
-    def new_log(self) -> ThrowLog:
+    def open(self) -> bool:
+        """Begins a record, unless one has begun; returns whether there is one."""
+        try:
+            self._log = self._log or self._new_log()
+        except OSError as error:
+            self.fault = f"no record can be written: {error.strerror}"
+            return False
+        self.fault = ""
+        return True
+
+    def add(self, topic: str, when: float, **values: object) -> None:
+        """Takes a message of a time by our clock [s]."""
+        if self._log is not None:
+            self._waiting.append((topic, when, values))
+
+    def write(self) -> None:
+        """Writes what has been taken; where that fails, there is no record any more."""
+        waiting = self._waiting
+        self._waiting = []
+        if self._log is None:
+            return
+        try:
+            for topic, when, values in waiting:
+                self._log.add(topic, when, **values)
+        except OSError as error:
+            self.fault = f"the record cannot be written: {error.strerror}"
+            self._log.abandon()
+            self._log = None
+
+    def finish(self, throw: Throw, now: float) -> None:
+        """Ends the record of a throw, and makes it a flight."""
+        self.add("/event", now, **vars(throw.result))
+        self.write()
+        throw.reason = throw.reason or self.fault
+        log = self._log
+        self._log = None
+        if log is None:
+            return
+        try:
+            log.close()
+            throw.file = self._save(log.path)
+        except (OSError, InputError) as error:
+            throw.reason = throw.reason or f"its record ends early: {error}"
+
+    def close(self) -> None:
+        """Removes a record that holds no throw; another station may have the folder."""
+        if self._log is not None:
+            with contextlib.suppress(OSError):
+                self._log.close()
+            self._log.path.unlink(missing_ok=True)
+            self._log = None
+        self._lock.close()
+
+    def _new_log(self) -> ThrowLog:
         """Begins the record of the next throw."""
-        self.recover()
+        self._recover()
         # A flight without a record keeps its number, too.
         files = [*self._records(), *self.folder.glob("flight_*.csv")]
         names = [file.stem.partition("_")[2] for file in files]
@@ -144,7 +201,7 @@ class Session:
         facts = self._facts | {"begun": _now()}
         return ThrowLog(self.folder / f"throw_{number:03d}.mcap", facts)
 
-    def save(self, record: Path) -> Path | None:
+    def _save(self, record: Path) -> Path | None:
         """Writes the flight of a record; None where there is too little of one."""
         flight = flight_of(record)
         if flight is None:

@@ -27,7 +27,6 @@ from diagrams.programs.station.bus import (
 from diagrams.programs.station.clocks import CameraClock
 from diagrams.programs.station.controllers import Guidance
 from diagrams.programs.station.operators import ARM, REPEAT, Operator
-from diagrams.programs.station.recorder import Recorder
 from diagrams.programs.station.safety import WaitReasons, Watch
 from diagrams.programs.station.scenario import Scenario
 from diagrams.programs.station.sender import Sender
@@ -82,7 +81,7 @@ class Station:
         self._show = show
         self._clock = clock
         sensors = scenario.sensors
-        self._recorder = Recorder(session)
+        self._session = session
         self._camera = CameraClock(sensors.latency)
         tape = CommandTape()
         self._autopilot = Autopilot(guidance.autopilot, tape)
@@ -138,17 +137,16 @@ class Station:
     ) -> None:
         """Takes a frame of the cameras."""
         if len(values) != len(POSE_FIELDS):
-            self._watch.check.reason = f"a pose of {len(values)} numbers"
+            self._watch.reason = f"a pose of {len(values)} numbers"
             return
         received = self._clock()
         pose = np.array(values[1:])
         when = self._camera.to_ours(stamp, received)
         lead = self._camera.calc_lead(when, received)
-        fault = self._watch.check.find_fault(when, pose, lead)
+        fault = self._watch.check_pose(when, pose, lead)
         is_flight = self.in_flight
         if not fault:
             self._camera.learn(stamp, received)
-            self._watch.seen = when
             if self.state == _FLYING:
                 self._follow(when, pose)
             elif not is_flight:
@@ -157,7 +155,7 @@ class Station:
             self._handled = self._clock()
         if is_flight or (self.state == READY and self._release.pushed):
             fields = dict(zip(POSE_FIELDS, values, strict=True))
-            self._recorder.add(
+            self._session.add(
                 "/pose",
                 received,
                 stamp=stamp,
@@ -195,7 +193,7 @@ class Station:
             self._show("armed again")
         self._was_killed = is_killed
         if not fault and self.state != _WAITING:
-            fault = self._recorder.fault
+            fault = self._session.fault
         if fault:
             if self.state == _FLYING:
                 self._stop(fault)
@@ -218,9 +216,9 @@ class Station:
             self._send_status()
         if self.state == _WAITING and self._waits.is_to_be_shown(self.reason, now):
             self._show(f"waiting: {self.reason}")
-        self._recorder.write()
-        if self._recorder.fault and self.state == _FLYING:
-            self._stop(self._recorder.fault)
+        self._session.write()
+        if self._session.fault and self.state == _FLYING:
+            self._stop(self._session.fault)
         due = sender.due
         if self.state == _FLYING:
             due -= self.guidance.lead
@@ -233,10 +231,10 @@ class Station:
         """Opens the record and arms; without room for a record there is no throw."""
         fault = ""
         needs_elevator = self.scenario.sensors.elevator
-        if needs_elevator and not self._release.poses.shows_elevator:
+        if needs_elevator and not self._release.shows_elevator:
             fault = "the elevator is not seen ('sensors: {elevator: false}' does so)"
-        elif not self._recorder.open():
-            fault = self._recorder.fault
+        elif not self._session.open():
+            fault = self._session.fault
         if fault:
             self._retry = self._clock() + _RETRY
             self._enter(_WAITING, fault)
@@ -248,7 +246,7 @@ class Station:
         """Takes a pose in the hand; returns whether free flight has begun."""
         if not self._release.add(when, pose) or self.state != READY:
             return False
-        start = self._release.poses.state
+        start = self._release.state
         if not math.isfinite(start[ELEVATOR]):
             start[ELEVATOR] = self._sender.angle
         state = self.guidance.model.initial_state(start)
@@ -271,7 +269,7 @@ class Station:
         nis, distance, turned = self._autopilot.read("surprise").tolist()
         self._watch.count_pose(distance, turned)
         self._throw.add_state(when, state)
-        self._recorder.add("/estimate", when, time=when, state=state.tolist(), nis=nis)
+        self._session.add("/estimate", when, time=when, state=state.tolist(), nis=nis)
         away = np.array(self.guidance.problem.wire) - state[POSITION]
         is_leaving = away @ state[VELOCITY] <= 0.0
         self._passed = is_leaving and math.hypot(*away) < _NEAR
@@ -304,7 +302,7 @@ class Station:
         command = self._sender.send(rate)
         if self.in_flight:
             more["received"] = self._received
-            self._recorder.add("/command", command["sent"], **command, **more)
+            self._session.add("/command", command["sent"], **command, **more)
         return command["given"]
 
     def _stop(self, reason: str) -> None:
@@ -323,7 +321,7 @@ class Station:
         self._watch.reset()
         self._passed = False
         self._enter(_WAITING, "the glider does not rest")
-        self._recorder.finish(throw, self._clock())
+        self._session.finish(throw, self._clock())
         self._show(f"throw {len(self.throws)}: {throw.describe()}")
 
     def _enter(self, state: str, reason: str) -> None:
@@ -344,7 +342,7 @@ class Station:
         if state == READY and is_new and self.scenario.simulation is None:
             self._show("ready: throw now")
         if is_new or now > self._status + _STATUS_PERIOD:
-            self._recorder.add("/event", now, state=state, reason=reason)
+            self._session.add("/event", now, state=state, reason=reason)
             self._send_status()
 
     def _send_status(self) -> None:
@@ -364,4 +362,4 @@ class Station:
         self._send(math.nan)
         self._enter(_WAITING, "the station was ended")
         gc.unfreeze()
-        self._recorder.close()
+        self._session.close()

@@ -87,10 +87,9 @@ class Throw:
 
     def describe(self) -> str:
         """One line: perched or not, the miss, latencies and deadlines."""
-        passed = self.passed
-        speed = np.linalg.norm(passed.arrival[VELOCITY])
-        end = "perched" if self.perched else "no perch"
-        text = f"{end}, {1e3 * passed.miss:.0f} mm from the wire at {speed:.1f} m/s"
+        r = self.result
+        end = "perched" if r.perched else "no perch"
+        text = f"{end}, {1e3 * r.miss_m:.0f} mm from the wire at {r.speed_m_s:.1f} m/s"
         if self.reason:
             text = f"stopped at {self.stopped:.2f} s: {self.reason}"
         if self.latencies:

@@ -135,6 +135,12 @@ def _records(path: Path) -> Iterator[object]:
                 return
 
 
+def scenario_of(facts: Mapping[str, str], path: Path) -> Scenario:
+    """The scenario by the facts of a record; InputError where it cannot be read."""
+    known = schema.parse_yaml(facts.get("scenario", "{}"), str(path))
+    return schema.convert(known, Scenario, str(path))
+
+
 def flight_of(path: Path) -> Flight | None:
     """The free flight of a throw, by the cameras' clock; None if it is too short.
 
@@ -150,8 +156,7 @@ def flight_of(path: Path) -> Flight | None:
     if not topics["/pose"]:
         return None
     try:
-        scenario = schema.parse_yaml(facts["scenario"], str(path))
-        scenario = schema.convert(scenario, Scenario, str(path))
+        scenario = scenario_of(facts, path)
         model = parse_model(facts["model"], str(path))
         return _flight_of(path, topics, scenario, model.parameters.servo)
     except (KeyError, TypeError) as error:

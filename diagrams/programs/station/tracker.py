@@ -56,30 +56,54 @@ def mean_rates(rows: np.ndarray, times: np.ndarray, servo: Servo) -> np.ndarray:
     return np.divide(np.diff(path), spans, out=rates, where=spans > 0.0)
 
 
-class _PoseHistory:
-    """The last poses in the hand, and the motion that they show."""
+_COUNT = 6
+"""Frames of a parabola: at 120 Hz and 0.4 mm it shows accelerations to 2 m/s²."""
 
-    COUNT = 6
-    """Frames of a parabola: at 120 Hz and 0.4 mm it shows accelerations to 2 m/s²."""
+_REST = 0.3
+"""Speed of a glider that is held still [m/s]."""
 
-    def __init__(self) -> None:
-        self._rows: deque[np.ndarray] = deque(maxlen=self.COUNT)
 
-    def __len__(self) -> int:
-        """Number of poses."""
-        return len(self._rows)
+class ReleaseDetector:
+    """Sees from the last poses when the glider leaves the hand or the catapult.
 
-    def add(self, time: float, pose: np.ndarray) -> None:
-        """Appends a pose (4,) of a time [s]."""
+    While it is pushed it accelerates along its path; free, it does not. It counts
+    only near the planned launch, and after a rest.
+
+    Args:
+        limits: speed, acceleration and place of a release.
+        launch: planned place (2,) [m].
+    """
+
+    def __init__(self, limits: Release, launch: np.ndarray) -> None:
+        self._limits = limits
+        self._launch = launch
+        self._rows: deque[np.ndarray] = deque(maxlen=_COUNT)
+        self.pushed = False
+
+    def add(self, time: float, pose: np.ndarray) -> bool:
+        """Takes a pose (4,) of a time [s]; returns whether the glider is free now."""
         self._rows.append(np.array([time, *pose]))
+        if len(self._rows) < _COUNT:
+            return False
+        limits = self._limits
+        speed, acceleration = self._motion()
+        self.pushed = self.pushed or acceleration > limits.acceleration
+        near = math.hypot(*(pose[POSITION] - self._launch)) < limits.radius
+        free = self.pushed and acceleration < limits.acceleration
+        return free and near and speed > limits.speed
 
-    def clear(self) -> None:
-        """Forgets all."""
-        self._rows.clear()
+    def _motion(self) -> tuple[float, float]:
+        """Speed [m/s], and acceleration along the path [m/s²], of all poses."""
+        rows = np.array(self._rows)
+        times = rows[:, 0] - rows[-1, 0]
+        powers = np.stack([np.ones_like(times), times, 0.5 * times**2], axis=1)
+        _, velocity, acceleration = np.linalg.lstsq(powers, rows[:, 1:3], rcond=None)[0]
+        speed = math.hypot(*velocity)
+        return speed, float(acceleration @ velocity) / max(speed, 1e-6)
 
     @property
     def shows_elevator(self) -> bool:
-        """Whether the elevator was seen in most of them."""
+        """Whether the elevator was seen in most of the poses."""
         seen = [math.isfinite(row[1 + ELEVATOR]) for row in self._rows]
         return 2 * sum(seen) > len(seen)
 
@@ -95,44 +119,10 @@ class _PoseHistory:
         slopes = moved[1:4] / max(moved[0], 1e-6)
         return np.concatenate([last[1:], slopes])
 
-    def motion(self) -> tuple[float, float]:
-        """Speed [m/s], and acceleration along the path [m/s²], of all poses."""
-        rows = np.array(self._rows)
-        times = rows[:, 0] - rows[-1, 0]
-        powers = np.stack([np.ones_like(times), times, 0.5 * times**2], axis=1)
-        _, velocity, acceleration = np.linalg.lstsq(powers, rows[:, 1:3], rcond=None)[0]
-        speed = math.hypot(*velocity)
-        return speed, float(acceleration @ velocity) / max(speed, 1e-6)
-
-
-class ReleaseDetector:
-    """Sees from poses when the glider leaves the hand or the catapult.
-
-    While it is pushed it accelerates along its path; free, it does not. It counts
-    only near the planned launch, and after a rest.
-
-    Args:
-        limits: speed, acceleration and place of a release.
-        launch: planned place (2,) [m].
-    """
-
-    def __init__(self, limits: Release, launch: np.ndarray) -> None:
-        self._limits = limits
-        self._launch = launch
-        self.poses = _PoseHistory()
-        self.pushed = False
-
-    def add(self, time: float, pose: np.ndarray) -> bool:
-        """Takes a pose (4,); returns whether the glider is free now."""
-        self.poses.add(time, pose)
-        if len(self.poses) < _PoseHistory.COUNT:
-            return False
-        limits = self._limits
-        speed, acceleration = self.poses.motion()
-        self.pushed = self.pushed or acceleration > limits.acceleration
-        near = math.hypot(*(pose[POSITION] - self._launch)) < limits.radius
-        free = self.pushed and acceleration < limits.acceleration
-        return free and near and speed > limits.speed
+    @property
+    def rests(self) -> bool:
+        """Whether the last poses show no motion."""
+        return len(self._rows) == _COUNT and self._motion()[0] < _REST
 
     def find_fault(self, state: np.ndarray, planned: np.ndarray) -> str:
         """Why a release at a state (7,) is no start of a plan, "" if it is one."""
@@ -146,18 +136,7 @@ class ReleaseDetector:
             return f"released with a pitch {pitch:.2f} rad off the plan"
         return ""
 
-    @property
-    def rests(self) -> bool:
-        """Whether the last poses show no motion."""
-        if len(self.poses) < _PoseHistory.COUNT:
-            return False
-        return self.poses.motion()[0] < _REST
-
     def reset(self) -> None:
         """Waits for the next throw."""
-        self.poses.clear()
+        self._rows.clear()
         self.pushed = False
-
-
-_REST = 0.3
-"""Speed of a glider that is held still [m/s]."""

@@ -83,10 +83,10 @@ def change_of(
     columns = []
     for kind, variants in candidates.variants.items():
         if kind in space.kinds:
-            own = {j for variant in variants for j in variant}
-            columns += sorted(j for j in own if slots[j] not in space.shapes)
+            offered = {j for variant in variants for j in variant}
+            columns += sorted(j for j in offered if slots[j] not in space.shapes)
     acting = [candidates.variants[k][0] for k in candidates.model.kinds]
-    base = sorted({*candidates.always, *(j for own in acting for j in own)})
+    base = sorted({*candidates.always, *(j for variant in acting for j in variant)})
     columns = [j for j in columns if np.any(grams[:, j, j] > 0.0)]
     if count < _FEWEST or not columns:
         return None
@@ -112,7 +112,7 @@ def change_of(
         return _Gains(gains, sizes, curvature**-0.5)
 
     found = gains_of(in_order)
-    at, own = np.unravel_index(np.argmax(found.values), found.values.shape)
+    at, own = divmod(int(np.argmax(found.values)), found.values.shape[1])
     largest = found.values[at, own]
     if largest == 0.0:
         return None

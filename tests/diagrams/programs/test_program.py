@@ -1,7 +1,7 @@
 """The options and the page that the examples share."""
 
 import io
-import os
+import re
 import urllib.request
 
 import numpy as np
@@ -81,15 +81,14 @@ def test_a_wire_is_shown_where_flights_go_to_one(tmp_path, monkeypatch, has_wire
     assert [stage.wire for stage in stages] == [wire]
 
 
-def test_an_example_without_a_picture_has_no_option_for_one(capsys):
-    with pytest.raises(SystemExit):
+def test_an_example_without_a_picture_has_no_option_for_one():
+    with pytest.raises(InputError, match="unrecognized arguments: --figure"):
         read_options(make_parser(""), ["--figure", "paths.png"])
-    assert "unrecognized arguments: --figure" in capsys.readouterr().err
 
 
 def test_options_are_refused_where_their_file_cannot_be_written(tmp_path):
     for option in ("--html", "--figure"):
-        with pytest.raises(InputError, match="absent does not exist"):
+        with pytest.raises(InputError, match="in a folder that exists"):
             parse(option, tmp_path / "absent" / "a.png")
 
 
@@ -101,11 +100,9 @@ def test_progress_is_shown_on_stderr(capsys):
 
 
 @pytest.mark.parametrize("rate", ["0", "-1", "nan", "fast"])
-def test_the_rate_is_a_positive_number(rate, capsys):
-    with pytest.raises(SystemExit) as end:
+def test_the_rate_is_a_positive_number(rate):
+    with pytest.raises(InputError, match=f"--rate: {rate} is not a number of at least"):
         parse("--rate", rate)
-    assert end.value.code == 2
-    assert f"--rate: {rate} is not a positive number" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -115,12 +112,10 @@ def test_the_rate_is_a_positive_number(rate, capsys):
         *[("--seed", number, 0) for number in ("-1", "1e3", "")],
     ],
 )
-def test_launches_and_seed_are_whole_numbers(option, number, least, capsys):
-    with pytest.raises(SystemExit) as end:
+def test_launches_and_seed_are_whole_numbers(option, number, least):
+    words = f"{option}: {number} is not an integer of at least {least}"
+    with pytest.raises(InputError, match=re.escape(words)):
         parse(option, number)
-    assert end.value.code == 2
-    error = capsys.readouterr().err
-    assert f"{option}: {number} is not an integer of at least {least}" in error
     least_ones = parse("--launches", "3", "--seed", "0")
     assert (least_ones.launches, least_ones.seed) == (3, 0)
 
@@ -138,23 +133,11 @@ def test_files_that_can_be_written_are_let_through(tmp_path):
 @pytest.mark.parametrize("place", range(4))
 @pytest.mark.parametrize(
     ("folder", "words"),
-    [
-        ("absent", "the folder .*absent does not exist"),
-        ("folder", "is a folder"),
-        ("locked", "permission is denied"),
-    ],
+    [("absent", "in a folder that exists"), ("folder", "is a folder")],
 )
-def test_a_file_that_cannot_be_written_is_refused(
-    tmp_path, monkeypatch, place, folder, words
-):
+def test_a_file_that_cannot_be_written_is_refused(tmp_path, place, folder, words):
     for name in (*FILES, "more.png"):
         (tmp_path / "folder" / name).mkdir(parents=True)
-    (tmp_path / "locked").mkdir()
-    access = os.access
-    monkeypatch.setattr(  # The tests may run as root, who may do all.
-        "os.access",
-        lambda path, mode: path != tmp_path / "locked" and access(path, mode),
-    )
     files = [tmp_path / name for name in (*FILES, "more.png")]
     files[place] = tmp_path / folder / files[place].name
     with pytest.raises(InputError, match=words):
@@ -163,7 +146,7 @@ def test_a_file_that_cannot_be_written_is_refused(
 
 @pytest.mark.parametrize("name", ["f.txt", "f", "f.html"])
 def test_a_figure_is_in_a_format_that_matplotlib_writes(tmp_path, name):
-    with pytest.raises(InputError, match=rf"{name}: .* no format .*png"):
+    with pytest.raises(InputError, match=rf"{name}: the format is .*png"):
         check_files(figure=tmp_path / name)
 
 

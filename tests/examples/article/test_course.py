@@ -46,7 +46,7 @@ def test_the_help_is_the_docstring_with_its_command(lesson, capsys):
 
 @pytest.mark.parametrize(
     ("file", "words"),
-    [("absent/a.png", "absent does not exist"), ("a.txt", "no format of pictures")],
+    [("absent/a.png", "in a folder that exists"), ("a.txt", "the format is '.txt'")],
 )
 def test_a_picture_that_cannot_be_is_refused_before_the_work(
     lesson, file, words, tmp_path, capsys

@@ -10,6 +10,7 @@ A board that hears nothing must go to neutral itself: set its serial timeout to 
 
 import argparse
 import contextlib
+import math
 import sys
 import termios
 import time
@@ -20,8 +21,9 @@ from diagrams.programs.program import run
 from diagrams.programs.station.bus import COMMAND, COMMAND_FIELDS, OPERATOR, Bus
 from diagrams.programs.station.operators import REPEAT
 from diagrams.programs.station.processes import Ending, hasten
-from diagrams.programs.station.scenario import Scenario, load_scenario
+from diagrams.programs.station.scenario import make_scenario
 from diagrams.programs.station.wire import Wire
+from glider.commands.parsing import CommandParser
 from glider.errors import InputError, expect
 
 PERIOD = 0.005
@@ -125,21 +127,20 @@ class _SerialLine:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Drives a servo until it is ended; then it is neutral."""
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     words = "such as /dev/ttyACM0"
     parser.add_argument("--serial", metavar="PORT", required=True, help=words)
     parser.add_argument("--scenario", metavar="YAML", help="bus, servo and glider")
     parser.add_argument("--bus", help="address of LCM (default: the scenario's)")
-    parser.add_argument("--channel", type=int, default=0, help="of the servo")
+    parser.add_number("--channel", "of the servo", 0, most=127)
     words = "pulse at the angle 0 [µs] (default: %(default)s)"
-    parser.add_argument("--center", type=float, default=1500.0, help=words)
+    parser.add_number("--center", words, 1500.0, kind=float)
     words = "pulse for an angle [µs/rad] (default: %(default)s)"
-    parser.add_argument("--gain", type=float, default=600.0, help=words)
+    parser.add_number("--gain", words, 600.0, kind=float, least=-math.inf)
     args = parser.parse_args(arguments)
-    expect(0 <= args.channel < 128, "--channel", args.channel, "a number from 0 to 127")
-    scenario = load_scenario(args.scenario) if args.scenario else Scenario()
+    scenario = make_scenario(args.scenario, bus=args.bus)
     servo = scenario.servo
     limits = scenario.load_model().parameters.servo
     wire = Wire(limits, servo.neutral, servo.timeout, scenario.command_step)
@@ -148,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except OSError as error:
         raise InputError(f"{args.serial}: cannot be opened ({error}).") from None
     board = ServoBoard(wire, send, args.channel, args.center, args.gain)
-    bus = Bus(args.bus or scenario.address)
+    bus = Bus(scenario.address)
 
     def hear(stamp: float, values: Sequence[float], names: Sequence[str]) -> None:
         if len(values) == len(COMMAND_FIELDS):
@@ -162,7 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     bus.listen(COMMAND, hear)
     bus.listen(OPERATOR, hear_operator)
     hasten()
-    print(f"Commands from {args.bus or scenario.address} to the servo.", flush=True)
+    print(f"Commands from {scenario.address} to the servo.", flush=True)
     due = said = time.monotonic()
     with Ending() as ending:
         try:

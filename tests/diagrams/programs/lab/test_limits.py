@@ -16,5 +16,5 @@ def test_a_proposed_throw_keeps_inside_the_room(tmp_path):
     write_record(tmp_path, 1, Limits())
     write_record(tmp_path, 2, Limits(x=[-5.0, 2.0], z=[-1.0, 2.5]))
     room = limits_of(tmp_path)
-    assert (room.x, room.z) == ([-5.0, 2.0], [-1.0, 2.5])
+    assert (list(room.x), list(room.z)) == ([-5.0, 2.0], [-1.0, 2.5])
     assert not room.launch_speed and not room.pitch  # As flown.

@@ -189,7 +189,7 @@ def test_what_is_no_release(push, speed, place):
     rows = thrown(push, speed=speed)
     rows[:, 1] += place + 3.5
     assert not any(detector.add(r[0], r[1:]) for r in rows)
-    assert math.isfinite(detector.poses.motion()[0])
+    assert math.isfinite(detector._motion()[0])
 
 
 def test_an_elevator_that_is_not_measured_is_that_of_the_servo():
