@@ -398,7 +398,7 @@ INVENTED = {
         "The remainder is ",
     ),
     "a skew focus": (_focus(lambda S: S + np.triu(S, 1)), "'focus' is not symmetric"),
-    "no focus": (_without_focus, "'focus.npy'"),
+    "no focus": (_without_focus, "focus is not a file"),
     "an earlier format": (_earlier_format, "its format is 'drake-glider funnel"),
     "a launch in mid-flight": (_late_launch, "the problem's launch has"),
     "4 mm beside the launch": (_beside_the_wire, "The flight starts with z = 0.096"),
