@@ -411,7 +411,7 @@ INVENTED = {
     "a goal of any pitch": (_turned_goal, "At the goal's edge, pitch = "),
     "a goal in words": (_worded_goal, "field 'settings.goal[0]' is '0.05"),
     "swapped names": (_swapped_names, "its states are z, x"),
-    "a remainder of 1e200": (_huge, "Its numbers are too large"),
+    "a remainder of 1e200": (_huge, "its numbers are too large"),
     "a set that is flat": (_flat, "The servo would meet its limits"),
     "wild slopes between": (_wild_slope, "V was not proven to fall"),
     "slopes as of a saw": (_sawtooth, "V was not proven to fall"),

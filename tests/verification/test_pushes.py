@@ -323,7 +323,7 @@ FORGED = {
     ),
     "an error twice as large": (_error(1.4), "V was not proven to fall"),
     "an error that no servo follows": (_error(13.0), "The servo would meet its limits"),
-    "no weights": (_times("push_weights", 0.0), "the wind is zero"),
+    "no weights": (_times("push_weights", 0.0), "A weight is zero"),
     "negative weights": (_times("push_weights", -1.0), "'push_weights' is negative"),
     "weights that are no numbers": (_times("push_weights", np.nan), "infinite or NaN"),
     "half of the weights": (_times("push_weights", 0.5), "V was not proven to fall"),
