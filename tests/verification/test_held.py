@@ -439,7 +439,7 @@ def test_held_commands_are_kept_in_a_file(clocked, tmp_path):
     ("name", "where", "more", "words"),
     [
         ("states", 6, 1e-9, "jump at a sample"),
-        ("times", slice(0, 2), 0.0, "only a sample inside may repeat one"),
+        ("times", slice(0, 2), 0.0, "only samples may repeat one"),
     ],
 )
 def test_a_file_of_anything_but_held_commands_is_refused(

@@ -181,7 +181,7 @@ def _check(arrays: dict[str, np.ndarray], notes: Notes) -> None:
     samples = np.flatnonzero(steps == 0.0)
     rises = steps.size and np.all(steps >= 0.0) and min(steps[0], steps[-1]) > 0.0
     if not rises or times[0] != 0.0 or np.any(np.diff(samples) == 1):
-        raise ValueError("'times' must increase from 0; only a sample inside may repeat one")
+        raise ValueError("'times' must increase from 0; only samples may repeat one")
     if len(samples) and not notes.settings.period:
         raise ValueError("'times' has samples, but there is no 'period'")
     if not np.array_equal(states[samples], states[samples + 1]):
