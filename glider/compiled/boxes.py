@@ -27,34 +27,6 @@ def shift(polynomials, centers, halves, left, right, where, times):
 
 
 @called_code
-def _by_variable(coefficients, exponents):
-    """Returns p up to degree 1, and Σ quadratic[i] v_i² (m, B) above its rest.
-
-    Also the sums (B,) of the sizes of all coefficients.
-    """
-    count, m = exponents.shape
-    quadratic = np.zeros((m, coefficients.shape[1]))
-    sizes = np.zeros(coefficients.shape[1])
-    for k in range(count):
-        row = coefficients[k]
-        degree = exponents[k].sum()
-        for box in range(len(sizes)):
-            sizes[box] += abs(row[box])
-        is_square = degree == 2 and exponents[k].max() == 2
-        for i in range(m):
-            if degree < 2 or exponents[k, i] == 0:
-                continue  # A loop under an if would not be vectorised.
-            share = exponents[k, i] / degree
-            total = quadratic[i]
-            if is_square:
-                total += row
-                continue
-            for box in range(len(sizes)):
-                total[box] += share * abs(row[box])
-    return coefficients[: 1 + m], quadratic, sizes
-
-
-@called_code
 def _top(first, second):
     """Returns the maximum of first v + second v² over |v| <= 1, first >= 0."""
     if second < 0.0 and first < -2.0 * second:
@@ -63,23 +35,23 @@ def _top(first, second):
 
 
 @machine_code
-def top_in_balls(coefficients, remainder, center, half, exponents, which, rounding):
+def top_in_balls(linear, quadratic, sizes, remainder, center, half, which, rounding):
     """Returns bounds (B,) of p(v) + remainder on the parts of boxes in unit balls.
 
     For any λ >= 0 the maximum of p in one ball is at most that of
         p(v) + λ (1 - |center + half v|²)
-    over the box. There, what is mixed in v or cubic is at most its size times a mean of
-    squares v_i², and the rest a sum of quadratic functions of one v_i each. So each
-    ball has its own λ, the best of a few, and coordinates in none need none.
+    over the box, where p is at most a sum of quadratic functions of one v_i each. So
+    each ball has its own λ, the best of a few, and coordinates in none need none.
 
     Args:
-        coefficients: (M, B) of polynomials in v with exponents (M, m).
+        linear: (1 + m, B) of p, its constant first.
+        quadratic: (m, B) of v_i² in a bound of the rest of p.
+        sizes: (B,) sums of the sizes of all coefficients of p.
         remainder: (B,) of each.
         center, half: (m, B) of the boxes.
         which: (m,) number of the unit ball that each coordinate is of; -1 for none.
         rounding: relative bound of an operation's.
     """
-    linear, quadratic, sizes = _by_variable(coefficients, exponents)
     m, boxes = center.shape
     bounds = np.empty(boxes)
     tries = np.empty(2 * m + 3)

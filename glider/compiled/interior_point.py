@@ -205,11 +205,9 @@ class _Limits:
             how much the whole step changes the barrier problem's cost, to first order.
         """
         expected = float(scratch.slope @ scratch.change)
-        rise = self._signs * scratch.change[self._which]
-        self._rise = rise
-        self._moves = np.empty_like(rise)
-        given = self._slacks, self._forces, rise, self._moves
-        share, share_of_forces = _find_moves(barrier, keep, *given)
+        self._rise = self._signs * scratch.change[self._which]
+        given = self._slacks, self._forces, self._rise
+        self._moves, share, share_of_forces = _find_moves(barrier, keep, *given)
         return share, share_of_forces, expected
 
     def weigh_barrier(self, barrier: float) -> float:
@@ -249,38 +247,24 @@ def _curve_bounds(which, signs, slacks, forces, barrier, slope, diagonal):
 @machine_code
 def _move_forces(barrier, share, slacks, moves, forces, products):
     """Moves forces, within a factor of the barrier's; writes their products."""
-    for i in range(len(slacks)):
-        own = barrier / slacks[i]
-        force = forces[i] + share * moves[i]
-        force = max(force, own / _STIFFEST)
-        force = min(force, own * _STIFFEST)
-        forces[i] = force
-        products[i] = force * slacks[i]
+    own = barrier / slacks
+    moved = np.maximum(forces + share * moves, own / _STIFFEST)
+    forces[:] = np.minimum(moved, own * _STIFFEST)
+    products[:] = forces * slacks
 
 
 @machine_code
-def _find_moves(barrier, keep, slacks, forces, rise, moves):
-    """Writes the forces' step beside that of the slacks, their rise.
+def _find_moves(barrier, keep, slacks, forces, rise):
+    """Finds the forces' step beside that of the slacks, their rise.
 
     Returns:
-        the shares of both steps that leave of all slacks and forces a share keep.
+        the step, and the shares of both that take at most a share keep of all slacks
+        and forces.
     """
-    share = 1.0
-    share_of_forces = 1.0
-    for i in range(len(slacks)):
-        slack = slacks[i]
-        force = forces[i]
-        up = rise[i]
-        own = (barrier - force * up) / slack
-        move = own - force
-        moves[i] = move
-        if up < 0.0:
-            longest = -keep * slack / up
-            share = min(share, longest)
-        if move < 0.0:
-            longest = -keep * force / move
-            share_of_forces = min(share_of_forces, longest)
-    return share, share_of_forces
+    moves = (barrier - forces * rise) / slacks - forces
+    share = 1.0 / max(1.0, np.max(-rise / slacks) / keep)
+    share_of_forces = 1.0 / max(1.0, np.max(-moves / forces) / keep)
+    return moves, share, share_of_forces
 
 
 class _Filter:

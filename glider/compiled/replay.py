@@ -28,6 +28,7 @@ from glider.physics.effects import (
 )
 from glider.physics.effects.free_functions import basis_function, flow_variables
 from glider.physics.parameters import Parameters, Theta
+from glider.physics.state import NUM_STATES
 
 OFFSET = 3
 """Index of the elevator's state: where a log is flown, x[OFFSET] is its constant offset
@@ -153,42 +154,21 @@ def _set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
             tangent[d, 1 + i] += slope
 
 
-def log_rollout(path, start, numbers, gaussians, states):
-    """Flies along a log from one start (n,); states (K + 1, n) are written."""
-    theta = theta_of(numbers, gaussians)
-    x = start.copy()
-    work = np.empty((6, x.shape[0]))
-    put(x, states[0])
-    for k in range(path.rate.shape[0]):
-        log_step(path, k, x, _banked(theta, path.bank[k]), work)
-        put(x, states[k + 1])
+def log_flown(path, elevator, rate, nodes, numbers, gaussians, first, ends):
+    """Flies each interval of a log by q models, each from its own nodes.
 
-
-def log_extras(path, nodes, numbers, gaussians):
-    """Flies the effects' own states of q models along nodes; nodes[:, 1:, 7:] is set.
-
-    `nodes` are (q, K + 1, n), `numbers` (q, ...).
+    Args:
+        path: the LogPath; its elevator and rate are overwritten.
+        elevator, rate: (q, K, 3) and (q, K) of each model.
+        nodes: (q, K + 1, n); from the first interval's end on, the states from
+            `first` on are written: they go on from interval to interval.
+        numbers, gaussians: (q, ...) of each, and of the free functions.
+        first: the first state that goes on.
+        ends: (q, K, n), written.
     """
     n = nodes.shape[2]
     x = np.empty(n)
     work = np.empty((6, n))
-    for m in range(nodes.shape[0]):
-        theta = theta_of(numbers[m], gaussians)
-        for k in range(path.rate.shape[0]):
-            put(nodes[m, k], x)
-            log_step(path, k, x, _banked(theta, path.bank[k]), work)
-            for i in range(7, n):
-                nodes[m, k + 1, i] = x[i]
-
-
-def log_ends(path, elevator, rate, nodes, numbers, gaussians, ends):
-    """Flies each interval of a log by q models, each from its own nodes.
-
-    `elevator` (q, K, 3), `rate` (q, K), `nodes` (q, K + 1, n) and `numbers` (q, ...)
-    are those of each. Written: the ends (q, K, n), and the path's elevator and rate.
-    """
-    x = np.empty(nodes.shape[2])
-    work = np.empty((6, x.shape[0]))
     for m in range(nodes.shape[0]):
         theta = theta_of(numbers[m], gaussians)
         path.elevator[:] = elevator[m]
@@ -197,6 +177,8 @@ def log_ends(path, elevator, rate, nodes, numbers, gaussians, ends):
             put(nodes[m, k], x)
             log_step(path, k, x, _banked(theta, path.bank[k]), work)
             put(x, ends[m, k])
+            for i in range(first, n):
+                nodes[m, k + 1, i] = x[i]
 
 
 def _carry(step, rates, power, carried):
@@ -373,13 +355,9 @@ def log_flow(times, nodes, elevator, rate, numbers, gaussians, values):
         put((*a, flow.air_x, flow.air_z, *flow_variables(flow)), values[k])
 
 
-LOOPS = Family(
-    (
-        *(_banked, _set_tangent, _carry, log_step),
-        *(log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
-    ),
-    (log_rollout, log_extras, log_ends, log_slopes, log_measure, log_flow),
-)
+_ENTRIES = (log_flown, log_slopes, log_measure, log_flow)
+
+LOOPS = Family((_banked, _set_tangent, _carry, log_step, *_ENTRIES), _ENTRIES)
 
 Kinds = tuple[EffectKind, ...]
 """The effects that the compiled dynamics hold, whose coefficients a theta has.
@@ -417,9 +395,10 @@ def roll_out(
     gaussians: Gaussians,
 ) -> np.ndarray:
     """Returns the states (K + 1, n) of a flight along a log's path from (n,)."""
-    states = np.empty((len(path.times), len(start)))
-    LOOPS.over(kinds).log_rollout(path, start, numbers, gaussians, states)
-    return states
+    nodes = np.zeros((1, len(path.times), len(start)))
+    nodes[0, 0] = start
+    _fly(kinds, [path], nodes, [numbers], gaussians, 0)
+    return nodes[0]
 
 
 def with_extras(
@@ -429,13 +408,13 @@ def with_extras(
     numbers: np.ndarray,
     gaussians: Gaussians,
 ) -> np.ndarray:
-    """Returns nodes (q, K + 1, n) with the effects' own states flown along them.
+    """Returns nodes (K + 1, n) with the effects' own states flown along them.
 
-    Those of q models with `numbers` (q, ...); they begin as in the first nodes.
+    They begin as in the first node.
     """
-    full = nodes.copy()
-    LOOPS.over(kinds).log_extras(path, full, numbers, gaussians)
-    return full
+    full = nodes[None].copy()
+    _fly(kinds, [path], full, [numbers], gaussians, NUM_STATES)
+    return full[0]
 
 
 def measure_nodes(
@@ -487,13 +466,18 @@ def advance_nodes(
 
     Each has nodes (K + 1, n), numbers and a path; paths differ in the elevator alone.
     """
+    begins = np.array(nodes)
+    return _fly(kinds, paths, begins, numbers, gaussians, begins.shape[2])
+
+
+def _fly(kinds, paths, nodes, numbers, gaussians, first):
+    """Returns the ends of intervals; writes nodes from a state on, see `log_flown`."""
     elevator = np.array([path.elevator for path in paths])
     rate = np.array([path.rate for path in paths])
     path = paths[0]._replace(elevator=elevator[0].copy(), rate=rate[0].copy())
-    begins = np.array(nodes)
-    ends = np.empty_like(begins[:, 1:])
-    given = path, elevator, rate, begins, np.array(numbers), gaussians
-    LOOPS.over(kinds).log_ends(*given, ends)
+    ends = np.empty_like(nodes[:, 1:])
+    given = path, elevator, rate, nodes, np.array(numbers), gaussians, first, ends
+    LOOPS.over(kinds).log_flown(*given)
     return ends
 
 

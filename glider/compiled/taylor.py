@@ -74,21 +74,6 @@ def _write_series(which, a, terms):
             value, slope = slope, -value
 
 
-@machine_code
-def _series(which, points, degree):
-    terms = np.empty((degree + 1, len(points)))
-    for i in range(len(points)):
-        _write_series(which, points[i], terms[:, i])
-    return terms
-
-
-def series(function: np.ufunc, points: np.ndarray, degree: int) -> np.ndarray:
-    """Returns Taylor coefficients (degree + 1, ...) of one of FUNCTIONS at points."""
-    points = np.asarray(points, dtype=float)
-    terms = _series(FUNCTIONS[function], points.ravel(), degree)
-    return terms.reshape(degree + 1, *points.shape)
-
-
 @called_code
 def _tail(which, center, below, spread, terms):
     """Bounds what a function has beyond its series' terms, within spread of center.
@@ -136,23 +121,14 @@ def _measure(into, degrees):
     """Writes the sums of the coefficients' sizes."""
     into[1][:] = 0.0
     for k in range(len(degrees)):
-        if not into[3][k]:
-            continue  # A loop under an if would not be vectorised.
-        row = into[0][k]
-        total = into[1][degrees[k]]
-        for box in range(WIDTH):
-            total[box] += abs(row[box])
+        if into[3][k]:
+            into[1][degrees[k]] += np.abs(into[0][k])
 
 
 @called_code
 def _round(bounds, a, factor):
     """Adds a factor times a model's bound and the rounding of its coefficients."""
-    for box in range(WIDTH):
-        bounds[box] += factor * a[2][box]
-    for i in range(len(a[1])):
-        sizes = a[1][i]
-        for box in range(WIDTH):
-            bounds[box] += ROUNDING * factor * sizes[box]
+    bounds += factor * (a[2] + ROUNDING * a[1].sum(axis=0))
 
 
 @called_code
@@ -162,7 +138,7 @@ def _add(into, a, b, numbers, degrees):
     sizes[:] = 0.0
     for k in range(len(degrees)):
         if not into[3][k]:
-            continue
+            continue  # A loop under an if would not be vectorised.
         row = into[0][k]
         size = sizes[degrees[k]]
         x = a[0][k if a[3][k] else -1]
@@ -176,8 +152,7 @@ def _add(into, a, b, numbers, degrees):
     into[2][:] = ROUNDING * abs(h)
     _round(into[2], a, abs(f))
     _round(into[2], b, abs(g))
-    for box in range(WIDTH):
-        into[2][box] *= WIDER
+    into[2][:] *= WIDER
 
 
 @called_code
@@ -207,34 +182,26 @@ def _multiply(into, a, b, starts, table):
     sum_b = np.zeros(WIDTH)
     bounds[:] = 0.0
     for i in range(order + 1):
-        x = a[1][i]
-        y = b[1][order - i]
-        for box in range(WIDTH):  # So far sum_b is of the degrees beyond order - i.
-            bounds[box] += x[box] * sum_b[box]
-            sum_a[box] += x[box]
-            sum_b[box] += y[box]
-    for box in range(WIDTH):
-        known = (sum_a[box] + a[2][box]) * b[2][box] + a[2][box] * sum_b[box]
-        rounded = ROUNDING * sum_a[box] * sum_b[box]
-        bounds[box] = (bounds[box] + known + rounded) * WIDER
+        bounds += a[1][i] * sum_b  # So far of the degrees beyond order - i.
+        sum_a += a[1][i]
+        sum_b += b[1][order - i]
+    known = (sum_a + a[2]) * b[2] + a[2] * sum_b
+    rounded = ROUNDING * sum_a * sum_b
+    bounds[:] = (bounds + known + rounded) * WIDER
 
 
 @called_code
 def _limit(into, a, b, c):
     """Writes a model, or zero with its limit as the bound where that is smaller."""
-    for box in range(WIDTH):
-        first = b[2][box]
-        second = c[2][box]
-        for i in range(len(a[1])):
-            first += b[1][i, box]
-            second += c[1][i, box]
-        limit = np.sqrt(first * first + second * second) * WIDER
-        keeps = a[2][box] <= limit
-        for k in range(len(into[3])):
-            into[0][k, box] = a[0][k, box] if keeps else 0.0
-        for i in range(len(a[1])):
-            into[1][i, box] = a[1][i, box] if keeps else 0.0
-        into[2][box] = a[2][box] if keeps else limit
+    first = b[2] + b[1].sum(axis=0)
+    second = c[2] + c[1].sum(axis=0)
+    limit = np.sqrt(first * first + second * second) * WIDER
+    keeps = a[2] <= limit
+    for k in range(len(into[3])):
+        into[0][k] = np.where(keeps, a[0][k], 0.0)
+    for i in range(len(a[1])):
+        into[1][i] = np.where(keeps, a[1][i], 0.0)
+    into[2][:] = np.where(keeps, a[2], limit)
 
 
 @called_code
@@ -283,8 +250,7 @@ def _apply(which, into, model, powers, every, degrees):
     for j in range(len(powers)):
         n = powers[j]
         term = terms[:, j + 1].copy()
-        lost = every[2][n]
-        shares = every[2][n].copy()
+        shares = every[2][n] + every[1][n].sum(axis=0)
         for k in range(len(degrees)):
             if not every[3][n, k]:
                 continue
@@ -292,14 +258,11 @@ def _apply(which, into, model, powers, every, degrees):
             x = every[0][n, k]
             for box in range(WIDTH):
                 row[box] += term[box] * x[box]
-        for i in range(len(into[1])):
-            shares += every[1][n, i]
-        for box in range(WIDTH):
-            # The term itself is known up to rounding.
-            bounds[box] += abs(term[box]) * lost[box]
-            bounds[box] += 3.0 * ROUNDING * (1.0 + abs(term[box])) * shares[box]
-    for box in range(WIDTH):
-        bounds[box] *= WIDER
+        size = np.abs(term)
+        bounds += size * every[2][n]
+        # The term itself is known up to rounding.
+        bounds += 3.0 * ROUNDING * (1.0 + size) * shares
+    bounds *= WIDER
     _measure(into, degrees)
     if which == _SQRT:
         _straighten(into, model, below, above)
@@ -313,28 +276,30 @@ def _straighten(root, square, below, above):
     the root lies above its chord, of slope 1 / (√a + √b), by at most
     (√b - √a)² / (4 (√a + √b)).
     """
+    center = square[0][0]
+    change = square[1][1:].sum(axis=0)
+    low = np.maximum(center - below * WIDER, 0.0)
+    first = np.sqrt(low)
+    last = np.sqrt(center + above * WIDER)
+    slope = 1.0 / (first + last)
+    gap = 0.125 * (last - first) ** 2 * slope
+    middle = (center - low) * slope + (first + gap)
+    sizes = slope * (np.abs(center) + low + change) + np.abs(middle) + last
+    left = (square[2] * slope + gap + 3.0 * ROUNDING * sizes) * WIDER
     for box in range(WIDTH):
-        center = square[0][0, box]
-        change = square[1][1:, box].sum()
-        low = max(center - below[box] * WIDER, 0.0)
-        first = np.sqrt(low)
-        last = np.sqrt(center + above[box] * WIDER)
-        slope = 1.0 / (first + last)
-        gap = 0.125 * (last - first) ** 2 * slope
-        middle = (center - low) * slope + (first + gap)
-        left = square[2][box] * slope + gap
-        sizes = slope * (abs(center) + low + change) + abs(middle) + last
-        left = (left + 3.0 * ROUNDING * sizes) * WIDER
-        if not left >= root[2][box]:  # Nor where the root is unknown.
-            root[2][box] = left
-            for k in range(1, len(root[3])):
-                if square[3][k]:
-                    root[0][k, box] = square[0][k, box] * slope
-                elif root[3][k]:
-                    root[0][k, box] = 0.0
-            root[0][0, box], root[1][0, box] = middle, abs(middle)
-            for i in range(1, len(root[1])):
-                root[1][i, box] = square[1][i, box] * slope
+        # Also where the root is unknown, but not where nothing is asked to be known.
+        if left[box] >= root[2][box] or np.isnan(left[box]):
+            continue
+        root[2][box] = left[box]
+        for k in range(1, len(root[3])):
+            if square[3][k]:
+                root[0][k, box] = square[0][k, box] * slope[box]
+            elif root[3][k]:
+                root[0][k, box] = 0.0
+        root[0][0, box] = middle[box]
+        root[1][0, box] = abs(middle[box])
+        for i in range(1, len(root[1])):
+            root[1][i, box] = square[1][i, box] * slope[box]
 
 
 @machine_code

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from glider.verification.funnel.boundary import boundary_forms
 from glider.verification.funnel.build import _STARTS
-from glider.verification.funnel.growth import boundary_forms, largest_growth
+from glider.verification.funnel.growth import largest_growth
 from tests.verification.points import sphere_points
 
 

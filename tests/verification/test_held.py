@@ -1,7 +1,6 @@
 """Held commands as a continuous feedback whose gains jump: its error is proven."""
 
 import dataclasses
-import functools
 from fractions import Fraction
 
 import numpy as np
@@ -15,23 +14,22 @@ from glider.physics.state import ELEVATOR
 from glider.simulation.fly import fly
 from glider.verification.dynamics.defect import defect_bounds
 from glider.verification.dynamics.nominal import evaluate, hermite_path, table_of
+from glider.verification.funnel.boundary import command_forms, growth_forms
 from glider.verification.funnel.clock import bend_sizes, form_size, hold_slopes
 from glider.verification.funnel.funnel import funnel_policy, load_funnel, save_funnel
-from glider.verification.funnel.growth import _push_form
 from glider.verification.proof import flight_proof, held
 from glider.verification.proof.check import check_funnel
 from glider.verification.proof.flight_proof import prove_flights
 from glider.verification.proof.held import held_faults
 from glider.verification.proof.interval import make_interval
-from glider.verification.proof.interval_growth import _growth_forms
 from glider.verification.proof.interval_proof import IntervalProof, prove_interval
 from glider.verification.proof.purpose import Purpose
-from glider.verification.sos.exact import exact, line
-from glider.verification.sos.forms import spread_form, to_ball
+from glider.verification.sos.exact import Sampled, exact, line
+from glider.verification.sos.forms import spread_form, substituted, to_ball
 from tests.helpers.held_flights import HeldFlights, Launches, count_escapes
 from tests.helpers.second_flight import advance, rates_of
 from tests.verification.clocked import ERROR, PERIOD, WIND, changed, part
-from tests.verification.points import sphere_points
+from tests.verification.points import forms_of, sphere_points
 
 
 def lowered(funnel, name):
@@ -184,13 +182,14 @@ def test_what_is_known_of_the_error_acts_on_v(clocked):
         third, fourth = spread_form(cubic[None], 7, 3), spread_form(quartic[None], 7, 4)
         return values_of(third, z)[0] + values_of(fourth, z)[0]
 
-    none = np.zeros((1, 2))
-    forms = _push_form(S, nominal.push_slopes[[k]], none, none, nominal.bends[[k]])
-    assert values(forms.cubic[0], forms.quartic[0]) == pytest.approx(expected)
     basis = exact(to_ball(S)[1][0])
     without = changed(clocked, "bends", slice(None), 0.0)
+    both = (forms_of(f.between(k - 1, k)) for f in (clocked, without))
+    forms = [more[1] - less[1] for more, less in zip(*both, strict=True)]
+    assert values(*forms[1:]) == pytest.approx(expected)
+    assert not forms[0].any()
     own, bare = (
-        _growth_forms(make_interval(f.between(k - 1, k)), basis, exact(0.0))
+        growth_forms(make_interval(f.between(k - 1, k)), basis, exact(0.0))
         for f in (clocked, without)
     )
     end = Fraction(1)
@@ -211,7 +210,7 @@ def test_the_error_grows_as_the_polynomials_say(clocked):
     e, B = z @ turn.T, exact(turn)
     known = B.T @ interval.bends @ B
     given = B, line(nominal.gains), B.T @ interval.bends
-    parts = held._rate_forms(interval, *given, known)
+    parts = command_forms(interval, *given, known)
     found = np.zeros(len(z))
     for degree, (own, sign) in enumerate(zip(parts, (1, 1, 1, -1), strict=True), 1):
         form = own.at(Fraction(0)).to_float()[None]
@@ -391,11 +390,14 @@ def test_the_known_error_is_that_of_neighbors_too():
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])
 def test_no_form_is_larger_than_its_size(degree):
     """On the ball, and of a form that has one direction the size is exact."""
-    tensors = np.random.default_rng(0).normal(size=(2, *(4,) * degree))
     p = np.array([1.0, 2.0, -1.0, 0.5])
-    tensors[1] = functools.reduce(np.multiply.outer, [p] * degree)
+    power = Sampled(np.ones((1, 1, 1)))
+    own = substituted(power, degree, Sampled(p[None, None])).numbers[0]
+    forms = np.vstack([np.random.default_rng(0).normal(size=own.shape), own])
+    tensors = spread_form(forms, 4, degree)
     z = np.concatenate([sphere_points(20_000, 4), p[None] / np.linalg.norm(p)])
-    largest, sizes = np.abs(values_of(tensors, z)).max(axis=1), form_size(tensors)
+    largest = np.abs(values_of(tensors, z)).max(axis=1)
+    sizes = form_size(forms, 4, degree)
     assert np.all(largest <= sizes * (1.0 + 1e-9))
     assert sizes[1] == pytest.approx(largest[1])
 
@@ -437,7 +439,7 @@ def test_held_commands_are_kept_in_a_file(clocked, tmp_path):
     ("name", "where", "more", "words"),
     [
         ("states", 6, 1e-9, "jump at a sample"),
-        ("times", slice(0, 2), 0.0, "before and after a sample"),
+        ("times", slice(0, 2), 0.0, "only samples may repeat one"),
     ],
 )
 def test_a_file_of_anything_but_held_commands_is_refused(

@@ -9,7 +9,7 @@ import pytest
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
 from glider.verification.dynamics.nominal import open_loop_rates, table_of
-from glider.verification.funnel.growth import _remainder_form
+from glider.verification.funnel.boundary import growth_forms
 from glider.verification.proof import interval_growth
 from glider.verification.proof.interval import (
     covers,
@@ -18,16 +18,12 @@ from glider.verification.proof.interval import (
     stays_definite,
     tight_cover,
 )
-from glider.verification.proof.interval_growth import (
-    _growth_forms,
-    gram_guesses,
-    prove_growth,
-)
+from glider.verification.proof.interval_growth import gram_guesses, prove_growth
 from glider.verification.proof.interval_proof import _needed_slack, proven_slack
 from glider.verification.sos.exact import exact, in_time, line, rounded
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import sphere
-from tests.verification.points import sphere_points, sphere_values
+from tests.verification.points import forms_of, sphere_points, sphere_values
 
 K = 60
 SLACK = 0.25
@@ -74,7 +70,7 @@ def test_the_forms_are_the_growth_of_v_on_the_boundary(piece, change, share):
     interval = make_interval(piece)
     S, slope, gains, rates = sets_at(piece, share)
     basis = rounded(to_ball(piece.S[0])[1], 30)
-    forms = _growth_forms(interval, basis, exact(SLACK))
+    forms = growth_forms(interval, basis, exact(SLACK))
     A, cubic, quartic, G = (at(form, share) for form in forms)
     z = sphere_points(20, 7)
     z /= np.sqrt(np.einsum("bi,ij,bj->b", z, G, z))[:, None]
@@ -99,13 +95,14 @@ def test_the_forms_are_the_growth_of_v_on_the_boundary(piece, change, share):
 
 def test_at_an_end_they_bear_what_the_certificate_there_bears(piece, interval):
     L_inv_T = to_ball(piece.S[0])[1]
-    forms = _growth_forms(interval, rounded(L_inv_T, 30), exact(0.0))
+    forms = growth_forms(interval, rounded(L_inv_T, 30), exact(0.0))
     without = dataclasses.replace(
         interval, weights=line(np.zeros((2, 7))), bearing=line(np.zeros((2, 7)))
     )
-    bare = _growth_forms(without, rounded(L_inv_T, 30), exact(0.0))
+    bare = growth_forms(without, rounded(L_inv_T, 30), exact(0.0))
     h = np.diff(piece.nominal.times)[0]
-    expected = _remainder_form(piece.S[:1], piece.beta[:1], piece.weights[:1])[0]
+    none = forms_of(piece, beta=0.0 * piece.beta, weights=0.0 * piece.weights)
+    expected = (forms_of(piece).quadratic - none.quadratic)[0]
     found = (at(bare.A, 0) - at(forms.A, 0)) / h
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
 

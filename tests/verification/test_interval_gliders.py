@@ -14,7 +14,6 @@ from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
 from glider.physics.servo import STOPPING_TIME
 from glider.physics.state import ELEVATOR
-from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.moving_center import make_moving_center
 from glider.verification.dynamics.nominal import (
     ORDER,
@@ -22,6 +21,7 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
+from glider.verification.dynamics.numbers import monomials
 from glider.verification.funnel.funnel import load_funnel
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import (

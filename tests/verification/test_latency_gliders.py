@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from glider.physics.confidence import theta_at
-from glider.verification.dynamics.jets import variables
 from glider.verification.dynamics.nominal import open_loop_rates
 from glider.verification.proof import latency as prediction
 from glider.verification.proof.interval import keeps_servo, make_interval
@@ -14,7 +13,7 @@ from glider.verification.proof.latency import FINE, predictions_of, prove_latenc
 from glider.verification.proof.slopes import NearSets, Slopes
 from glider.verification.sos.sphere import normalized
 from tests.physics.test_confidence import ends_of
-from tests.verification.points import of_one
+from tests.verification.points import of_one, slopes_at
 from tests.verification.test_gliders import NAMES, allowed_by, among
 from tests.verification.test_latency import LATENCY, flown_apart, held_of_one, states_in
 
@@ -44,11 +43,13 @@ def test_slopes_of_all_gliders_are_within_their_bounds(rest):
     delta = edge_of(rest, count, rng)
     x = states_in(part, count, rng) + delta @ part.gliders.shifts[0].T
     still = np.full((1, count), part.nominal.inputs[0]), np.zeros((2, count))
-    jets = variables(np.vstack([x.T, *still, delta.T]), 1)
     model = rest.nominal.model
-    theta = theta_at(model, NAMES, jets[10:])
-    rates = open_loop_rates(model, jets[:7], jets[7], theta, jets[8:10])
-    J = np.array([rate.coefficients[1:] for rate in rates])
+
+    def rates(*own):
+        theta = theta_at(model, NAMES, own[10:])
+        return open_loop_rates(model, own[:7], own[7], theta, own[8:10])
+
+    J = slopes_at(rates, np.vstack([x.T, *still, delta.T]))
     H = np.einsum("imb,mr->irb", J[:, 10:], rest.allowed.factor)
     seen = np.linalg.norm(H, axis=1).max(axis=1)
     assert np.all(seen <= bounds[:, 9] + 1e-8)

@@ -17,7 +17,7 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
-from glider.verification.funnel.growth import _push_form
+from glider.verification.funnel.boundary import boundary_forms, growth_forms
 from glider.verification.funnel.remainder import push_weights, sample_remainder
 from glider.verification.funnel.servo_limits import servo_bounds
 from glider.verification.funnel.settings import FunnelSettings
@@ -29,12 +29,16 @@ from glider.verification.proof.interval import (
     make_interval,
     tight_cover,
 )
-from glider.verification.proof.interval_growth import _growth_forms
 from glider.verification.proof.interval_proof import prove_interval
 from glider.verification.sos.exact import exact, rounded
 from glider.verification.sos.forms import spread_form, to_ball
 from tests.verification.forging import forge
-from tests.verification.points import remainder_of_one, sphere_points
+from tests.verification.points import (
+    forms_of,
+    remainder_of_one,
+    sphere_points,
+    without_pushes,
+)
 
 ERROR, WIND = 0.5, 0.03
 
@@ -63,6 +67,12 @@ def pushes_of(count, seed=0):
     angles = rng.uniform(0.0, 2.0 * np.pi, count)
     wind = WIND * np.array([np.cos(angles), np.sin(angles)])
     return np.vstack([ERROR * rng.choice([-1.0, 1.0], count), wind]).T
+
+
+def by_pushes(piece):
+    """What pushes alone add to V̇/V on the boundaries."""
+    both = forms_of(piece), forms_of(without_pushes(piece))
+    return [more - less for more, less in zip(*both, strict=True)]
 
 
 def along(slopes, e):
@@ -101,7 +111,7 @@ def test_no_push_makes_v_rise_faster_than_they_say(piece):
 
     What they have for half of the wind, or without the deviation in G, is too little.
     """
-    S, G = piece.S[:1], piece.nominal.push_slopes[:1]
+    S, G = piece.S[:1], piece.nominal.push_slopes
     L_T, L_inv_T = (turn[0] for turn in to_ball(S))
     z, q = sphere_points(20_000, 7), pushes_of(20_000)
     e = z @ L_inv_T.T
@@ -110,22 +120,25 @@ def test_no_push_makes_v_rise_faster_than_they_say(piece):
     q[:, 1:] = WIND * towards[:, 1:] / np.linalg.norm(towards[:, 1:], axis=1)[:, None]
     pull = 2.0 * np.sum(towards * q, axis=1)
 
-    def given(slopes, pushes, weights=piece.push_weights[:1]):
-        forms = _push_form(S, slopes, pushes, weights, 0.0 * S)
+    def given(slopes, wind=WIND):
+        settings = dataclasses.replace(piece.settings, wind=wind)
+        made = dataclasses.replace(piece, settings=settings)
+        both = boundary_forms(made, slopes), forms_of(without_pushes(piece))
+        forms = [more[:1] - less[:1] for more, less in zip(*both, strict=True)]
         third, fourth = (
             spread_form(f, 7, d)[0] for d, f in ((3, forms[1]), (4, forms[2]))
         )
-        found = np.einsum("bi,ij,bj->b", z, forms.quadratic[0], z)
+        found = np.einsum("bi,ij,bj->b", z, forms[0][0], z)
         found += np.einsum("bi,bj,bk,ijk->b", z, z, z, third)
         return found + np.einsum(
             "bi,bj,bk,bl,ijkl->b", z, z, z, z, fourth, optimize=True
         )
 
-    most = given(G, piece.pushes[:1])
+    most = given(G)
     assert np.all(pull <= most) and (pull / most).max() > 0.8
-    assert np.any(pull > given(G, piece.pushes[:1] * [1.0, 0.5]))
+    assert np.any(pull > given(G, 0.5 * WIND))
     flat = np.concatenate([G[..., :1], 0.0 * G[..., 1:]], axis=-1)
-    assert np.any(pull > given(flat, piece.pushes[:1]))
+    assert np.any(pull > given(flat))
 
 
 def test_the_proof_bears_what_the_certificate_bears(piece):
@@ -133,23 +146,17 @@ def test_the_proof_bears_what_the_certificate_bears(piece):
     whole, basis = make_interval(piece), rounded(to_ball(piece.S[0])[1], 30)
     h = np.diff(piece.nominal.times)[0]
     bare = make_interval(pushed(piece, 0.0, 0.0))
-    own, all_forms = (_growth_forms(i, basis, exact(0.0)) for i in (bare, whole))
-    none = np.zeros_like(piece.S)
-    given = piece.nominal.push_slopes, piece.pushes, piece.push_weights, none
-    expected = _push_form(piece.S, *given)
+    own, all_forms = (growth_forms(i, basis, exact(0.0)) for i in (bare, whole))
+    expected = by_pushes(piece)
     for less, more, form in zip(own[:3], all_forms[:3], expected, strict=True):
         ends = (value.at(Fraction(0)).to_float() for value in (less, more))
         found = np.subtract(*ends) / h
         assert found == pytest.approx(form[0], rel=1e-6, abs=1e-6)
         assert np.abs(found).max() > 1e-3
-    half = pushed(piece, 0.5 * ERROR, 0.0)
-    given = piece.nominal.push_slopes, half.pushes, half.push_weights, none
-    alone = pushed(piece, ERROR, 0.0)
-    twice = piece.nominal.push_slopes, alone.pushes, alone.push_weights, none
-    for form, double in zip(
-        _push_form(piece.S, *given), _push_form(piece.S, *twice), strict=True
-    ):
-        assert form == pytest.approx(0.5 * double)
+    half = by_pushes(pushed(piece, 0.5 * ERROR, 0.0))
+    twice = by_pushes(pushed(piece, ERROR, 0.0))
+    for form, double in zip(half, twice, strict=True):
+        assert form == pytest.approx(0.5 * double, abs=1e-9)
 
 
 def true_ratio(piece, basis, points):
@@ -235,7 +242,7 @@ def test_a_funnel_that_was_made_without_them_is_not_proven_with_them(piece):
     assert prove_interval(pushed(piece, 0.0, 0.0)).proven
     assert not prove_interval(piece).proven
     bare = dataclasses.replace(piece, push_weights=np.zeros((2, 2)))
-    assert "a weight of the command" in prove_interval(bare).fault
+    assert "a weight is zero" in prove_interval(bare).fault
 
 
 @pytest.mark.parametrize("row", [0, 4])
@@ -316,7 +323,7 @@ FORGED = {
     ),
     "an error twice as large": (_error(1.4), "V was not proven to fall"),
     "an error that no servo follows": (_error(13.0), "The servo would meet its limits"),
-    "no weights": (_times("push_weights", 0.0), "the wind is zero"),
+    "no weights": (_times("push_weights", 0.0), "A weight is zero"),
     "negative weights": (_times("push_weights", -1.0), "'push_weights' is negative"),
     "weights that are no numbers": (_times("push_weights", np.nan), "infinite or NaN"),
     "half of the weights": (_times("push_weights", 0.5), "V was not proven to fall"),

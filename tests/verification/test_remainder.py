@@ -6,7 +6,6 @@ import pytest
 from glider.paths import models_path
 from glider.verification.funnel import shape_flow
 from glider.verification.funnel.funnel import load_funnel
-from glider.verification.funnel.growth import _remainder_form
 from glider.verification.funnel.remainder import (
     find_focus,
     remainder_weights,
@@ -14,7 +13,7 @@ from glider.verification.funnel.remainder import (
 )
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import to_ball
-from tests.verification.points import remainder_of_one, sphere_points
+from tests.verification.points import forms_of, remainder_of_one, sphere_points
 
 
 def test_the_error_dynamics_are_the_true_ones_up_to_fourth_order(funnel):
@@ -31,7 +30,10 @@ def test_the_error_dynamics_are_the_true_ones_up_to_fourth_order(funnel):
 def test_the_remainders_form_bounds_what_it_stands_for(funnel):
     S, z = funnel.S[[150]], sphere_points(200, 7)
     beta = sample_remainder(funnel.nominal, S, z, np.array([150]), funnel.gliders)
-    form = _remainder_form(S, beta, remainder_weights(S, beta, np.eye(7)))[0]
+    weights = remainder_weights(S, beta, np.eye(7))
+    part = funnel.between(150, 151)
+    more = forms_of(part, beta=np.repeat(beta, 2, 0), weights=np.repeat(weights, 2, 0))
+    form = (more.quadratic - forms_of(part).quadratic)[0]
     L_T, L_inv_T = to_ball(S[0])
     errors = z @ L_inv_T.T
     remainder = remainder_of_one(funnel.nominal, [150], errors[None])[0]

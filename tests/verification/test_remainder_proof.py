@@ -5,18 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from glider.compiled import boxes as compiled
 from glider.compiled.taylor import ROUNDING
 from glider.physics.effects import KINDS
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import (
     nonlinear_parts,
     open_loop_rates,
     table_of,
 )
+from glider.verification.dynamics.numbers import monomials
 from glider.verification.proof import interval_proof
-from glider.verification.proof.boxes import run_on_boxes
+from glider.verification.proof.boxes import run_on_boxes, tops_in_balls
 from glider.verification.proof.enclosure import make_remainder
 from glider.verification.proof.interval import make_interval, tight_cover
 from glider.verification.proof.interval_proof import (
@@ -191,13 +190,10 @@ def test_the_rounding_of_a_long_sum_is_counted(terms, factor):
     assert lost[0, 0] == pytest.approx(factor * ROUNDING * largest)
 
 
-def top_in_balls(coefficients, remainder, center, half, exponents, balls):
+def top_in_balls(coefficients, remainder, center, half, table, balls):
     """Bounds (B,) of p(v) + remainder on the parts of boxes in unit balls."""
-    which = np.full(len(center), -1)
-    for k, ball in enumerate(balls):
-        which[ball] = k
-    given = coefficients, remainder, center, half, exponents, which
-    return compiled.top_in_balls(*given, ROUNDING)
+    given = coefficients[None], remainder[None], center, half, balls
+    return tops_in_balls(table, *given)[0]
 
 
 def bound_in_balls(coefficients, *others):
@@ -214,7 +210,7 @@ def test_the_bound_in_the_ball_is_above_all_values_and_not_far():
     coefficients[4:] *= 0.1
     center, half = ball(m, count, seed=2), 0.8 * rng.uniform(0.3, 1.0, (m, count))
     bounds = bound_in_balls(
-        coefficients, np.full(count, 0.1), center, half, table.exponents, [slice(0, m)]
+        coefficients, np.full(count, 0.1), center, half, table, [slice(0, m)]
     )
     v = rng.uniform(-1.0, 1.0, (4000, m))
     values = np.abs(table.values(v) @ coefficients) + 0.1
@@ -228,7 +224,7 @@ def test_the_bound_in_the_ball_is_above_all_values_and_not_far():
     slope[1] = 1.0
 
     def bound_in(*balls):
-        return bound_in_balls(slope, np.zeros(1), *far, table.exponents, balls)[0]
+        return bound_in_balls(slope, np.zeros(1), *far, table, balls)[0]
 
     assert bound_in(slice(0, m)) == pytest.approx(1.0)  # The lower end, v = -1.
     slope[0] = 1.0
@@ -244,7 +240,7 @@ def test_the_top_in_the_ball_is_above_all_values_and_may_be_negative():
     coefficients = 0.02 * rng.normal(size=(len(table.degrees), count))
     coefficients[0] -= 1.0
     center, half = ball(m, count, seed=2), 0.5 * rng.uniform(0.3, 1.0, (m, count))
-    boxes = center, half, table.exponents, [slice(0, m)]
+    boxes = center, half, table, [slice(0, m)]
     tops = top_in_balls(coefficients, np.full(count, 0.1), *boxes)
     values = table.values(rng.uniform(-1.0, 1.0, (4000, m)))
     v = values[:, 1 : m + 1, None]
@@ -263,7 +259,7 @@ def test_mixed_and_cubic_terms_are_bounded_by_the_ball():
     coefficients[square, ::2] -= 2.0
     center, half = ball(m, count, seed=2), rng.uniform(0.3, 1.0, (m, count))
     center[:, ::4], half[:, ::4] = 0.0, 1.0  # The whole ball.
-    boxes = center, half, table.exponents, [slice(0, m)]
+    boxes = center, half, table, [slice(0, m)]
     tops = top_in_balls(coefficients, np.zeros(count), *boxes)
     v = rng.uniform(-1.0, 1.0, (20_000, m))
     v[::2] /= np.linalg.norm(v[::2], axis=1, keepdims=True)
@@ -294,7 +290,7 @@ def test_each_of_two_balls_has_a_bound_of_its_own():
     center = np.concatenate([ball(3, count, seed=2), ball(2, count, seed=3)])
     center = np.concatenate([center, rng.uniform(-0.5, 0.5, (1, count))])
     half = rng.uniform(0.2, 1.0, (6, count))
-    arguments = coefficients, np.zeros(count), center, half, table.exponents
+    arguments = coefficients, np.zeros(count), center, half, table
     bounds, loose = (bound_in_balls(*arguments, of) for of in (balls, balls[:1]))
     v = rng.uniform(-1.0, 1.0, (20_000, 6))
     values = np.abs(table.values(v) @ coefficients)
@@ -308,7 +304,7 @@ def test_each_of_two_balls_has_a_bound_of_its_own():
     # Of a slope across a whole ball its length counts, not that of its parts.
     linear, whole = np.zeros((some, 1)), (np.zeros((6, 1)), np.ones((6, 1)))
     linear[1:7, 0] = 1.0
-    found = bound_in_balls(linear, np.zeros(1), *whole, table.exponents, balls)
+    found = bound_in_balls(linear, np.zeros(1), *whole, table, balls)
     assert found[0] == pytest.approx(np.sqrt(3.0) + np.sqrt(2.0) + 1.0)
 
 
@@ -451,7 +447,7 @@ def test_what_is_unknown_is_never_bounded():
         coefficients = np.zeros((len(table.degrees), 1))
         coefficients[k] = np.nan
         box = np.zeros((3, 1)), np.ones((3, 1))
-        arguments = coefficients, np.zeros(1), *box, table.exponents
+        arguments = coefficients, np.zeros(1), *box, table
         for balls in ([slice(0, 3)], [slice(0, 1), slice(1, 2)], []):
             assert np.isinf(bound_in_balls(*arguments, balls)[0])
 

@@ -7,8 +7,12 @@ from glider.compiled import taylor
 from glider.compiled.taylor import FUNCTIONS, INPUT, PRODUCT
 from glider.physics.effects import SERVO_LAG, WIND
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.jets import dependences, monomials
-from glider.verification.dynamics.nominal import for_one_glider, nonlinear_parts
+from glider.verification.dynamics.nominal import (
+    for_one_glider,
+    nonlinear_parts,
+    rate_dependences,
+)
+from glider.verification.dynamics.numbers import monomials
 from glider.verification.dynamics.taylor_models import Recording
 
 FORMULAS = {
@@ -127,7 +131,8 @@ def test_values_reach_no_farther_below_and_above_the_center():
 
 @pytest.mark.parametrize("count", [3, 4, 6])
 def test_the_tail_of_a_root_holds_in_both_directions(count):
-    terms = taylor.series(np.sqrt, 2.0, count - 1)
+    terms = np.empty(count)
+    taylor._write_series.py_func(FUNCTIONS[np.sqrt], 2.0, terms)
     for below, above in ((0.1, 3.0), (1.9, 2.0), (0.0, 0.5), (2.0, 2.0)):
         tail = taylor._tail.py_func(FUNCTIONS[np.sqrt], 2.0, below, above, terms)
         steps = np.linspace(-below, above, 1000)
@@ -247,13 +252,28 @@ def test_small_factors_do_not_vanish():
     assert np.all(left < 0.1)
 
 
-def test_dependence_tells_what_is_nonlinear_from_what_is_linear():
-    x, y, z = dependences(3)
-    formula = 2.0 * x - y / 3.0 + np.sin(z) * 4.0 + 1.0
-    assert formula.variables == {0, 1, 2}
-    assert formula.nonlinear == {2}
-    assert (x * y).nonlinear == {0, 1}
-    assert (1.0 / x).nonlinear == {0}
+def test_results_show_what_is_nonlinear_and_what_is_linear():
+    recording = Recording(monomials(3, 2))
+    x, y, z = recording.inputs(3)
+    present = np.eye(3, 10, 1, dtype=bool)
+    present[:, 0] = True
+    results = [2.0 * x - y / 3.0 + np.sin(z) * 4.0 + 1.0, x * y, 1.0 / x, 2.0]
+    shown = recording.program(results, present).shown
+    exponents = recording.table.exponents
+    found = [{tuple(e) for e in exponents[row]} for row in shown]
+    linear = {(0, 0, 0), (1, 0, 0)}
+    assert found[0] == linear | {(0, 1, 0), (0, 0, 1), (0, 0, 2)}
+    assert found[1] == linear | {(0, 1, 0), (1, 1, 0)}
+    assert found[2] == linear | {(2, 0, 0)}
+    assert found[3] == {(0, 0, 0)}
+
+
+def test_a_glider_depends_on_the_numbers_that_deviate_and_on_the_wind():
+    depends, nonlinear = rate_dependences(GliderModel(), ("mass",), in_wind=True)
+    np.testing.assert_array_equal(depends[:4], np.eye(4, 11, 4, dtype=bool))
+    # Of the mass also where only an added mass, which is zero, has it.
+    assert depends[4:7, 8:].all()
+    assert nonlinear[4:6, 8:].all() and not nonlinear[:4].any()
 
 
 def test_a_gliders_accelerations_are_nonlinear_in_all_but_its_position():

@@ -127,7 +127,7 @@ def true_nodes(
     begin = nodes.copy()
     begin[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
     kinds = record.space.flown
-    return compiled.with_extras(kinds, along, begin[None], theta[None], gaussians)[0]
+    return compiled.with_extras(kinds, along, begin, theta, gaussians)
 
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:

@@ -10,8 +10,8 @@ Taylor models in time enclose d, so that no time in between is missed.
 import numpy as np
 
 from glider.compiled.taylor import INPUT, ROUNDING, WIDER
-from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import Nominal, open_loop_rates
+from glider.verification.dynamics.numbers import monomials
 from glider.verification.dynamics.taylor_models import Recording, spread
 
 _DEGREE = 5

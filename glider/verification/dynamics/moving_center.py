@@ -12,9 +12,8 @@ import dataclasses
 
 import numpy as np
 
-from glider.compiled.runge_kutta import TINY
-from glider.physics.confidence import ALONE, ConfidenceSet, theta_at
-from glider.verification.dynamics.nominal import Nominal, advanced, open_loop_rates
+from glider.physics.confidence import ALONE, ConfidenceSet
+from glider.verification.dynamics.nominal import Nominal, advanced, expand
 
 _STEPS = 4
 """Runge-Kutta steps between two times; twice as many change X by less than 1e-5."""
@@ -46,38 +45,23 @@ def make_moving_center(
     """Integrates X along a nominal flight; its commands may be held."""
     times = nominal.times
     names = confidence.names
-    if not names:  # One glider: X has no columns.
-        nothing = np.zeros((*nominal.states.shape, 0))
-        return MovingCenter(
-            confidence=confidence,
-            times=times,
-            shifts=nothing,
-            slopes=nothing,
-            commands=nothing[:, 0],
-        )
-    shares = np.arange(1, 2 * _STEPS) / (2 * _STEPS)
-    between = [_linear(nominal.between(share), names, held) for share in shares]
-    ends = _linear(nominal, names, held)
-    flows = nominal.flows
-    first = [of[flows] for of in ends]
-    last = [of[flows + 1] for of in ends]
-    nodes = [first, *between, last]
-    A, B, push = ends
+    # For one glider X has no columns, and there is nothing to integrate.
+    shares = np.arange(2 * _STEPS + 1) / (2 * _STEPS) if names else ()
+    nodes = [_linear(nominal.between(share), names, held) for share in shares]
+    A, B, push = _linear(nominal, names, held)
     shifts = np.zeros_like(push)
     commands = np.zeros((len(times), len(names)))
-    for number, k in enumerate(flows):
+    for number, k in enumerate(nominal.flows if names else ()):
         if held and nominal.starts[k] == k:
-            before = shifts[max(k - 1, 0)]
-            shifts[k] = before
-            commands[k] = -nominal.gains[k] @ before
+            shifts[k] = shifts[max(k - 1, 0)]
+            commands[k] = -nominal.gains[k] @ shifts[k]
         U = commands[k]
         X = shifts[k]
         step = (times[k + 1] - times[k]) / _STEPS
         for i in range(_STEPS):
 
             def rate(share, X, first=2 * i, number=number, U=U):
-                node = first + round(2.0 * share)
-                A, B, push = (of[number] for of in nodes[node])
+                A, B, push = (of[number] for of in nodes[first + round(2.0 * share)])
                 return A @ X + np.outer(B, U) + push
 
             X = advanced(rate, X, step)
@@ -100,17 +84,11 @@ def _linear(nominal, names, held):
 
     A is of the closed loop, or of the glider alone if its commands are held.
     """
-    model = nominal.model
-    x = list(nominal.states.T)
-    push = np.zeros((*nominal.states.shape, len(names)))
-    nudges = TINY * 1j * np.eye(len(names))
-    for j, nudge in enumerate(nudges):
-        theta = theta_at(model, names, nudge)
-        rates = open_loop_rates(model, x, nominal.inputs, theta)
-        for i, rate in enumerate(rates):
-            push[:, i, j] = np.imag(rate) / TINY
-    B = nominal.push_slopes[:, :, 0, 0]
-    A = nominal.closed_loop[..., 1 : len(x) + 1]
-    if held:
-        A = A + B[:, :, None] * nominal.gains[:, None]
-    return A, B, push
+    n = nominal.states.shape[1]
+    still = np.zeros((len(names), len(nominal.times)))
+    values = np.vstack([nominal.states.T, nominal.inputs, still])
+    slopes = expand(nominal.model, values, 1, names)[..., 1:]
+    A, B, push = np.split(slopes, [n, n + 1], axis=2)
+    if not held:
+        A = A - B * nominal.gains[:, None]
+    return A, B[..., 0], push

@@ -27,15 +27,8 @@ from glider.errors import InputError
 from glider.physics.confidence import theta_at
 from glider.physics.model import GliderModel
 from glider.physics.servo import limited_rate
-from glider.verification.dynamics.jets import (
-    Dependence,
-    Jet,
-    Monomials,
-    coefficients_of,
-    dependences,
-    monomials,
-    variables,
-)
+from glider.verification.dynamics.numbers import Monomials, monomials
+from glider.verification.dynamics.taylor_models import Program, Recording
 
 T = TypeVar("T")
 
@@ -106,34 +99,27 @@ class Nominal:
     @functools.cached_property
     def closed_loop(self) -> np.ndarray:
         """Taylor coefficients (T, n, M) of ė by `table_of(n)`; the constant is zero."""
-        states = variables(self.states.T, ORDER)
-        command = self.inputs
-        for gain, state, center in zip(
-            self.gains.T, states, self.states.T, strict=True
-        ):
-            command = command - gain * (state - center)
-        rates = open_loop_rates(self.model, states, command)
-        coefficients = _expanded(rates, states[0])
+        values = np.vstack([self.states.T, self.inputs])
+        coefficients = expand(self.model, values, ORDER, gains=self.gains)
         coefficients[:, :, 0] = 0.0  # The slope of the nominal flight itself.
         return coefficients
 
     @functools.cached_property
     def open_loop(self) -> np.ndarray:
         """Taylor coefficients (T, n, M) of f in (x, u) by `table_of(n + 1)`."""
-        *states, command = variables(np.vstack([self.states.T, self.inputs]), ORDER)
-        return _expanded(open_loop_rates(self.model, states, command), command)
+        values = np.vstack([self.states.T, self.inputs])
+        return expand(self.model, values, ORDER)
 
     @functools.cached_property
     def push_slopes(self) -> np.ndarray:
         """G = ∂f/∂(u, w) (T, n, 3, 1 + n) in (1, e): of the command and the wind."""
         n = self.states.shape[1]
         still = np.zeros((2, len(self.times)))
-        own = variables(np.vstack([self.states.T, self.inputs, still]), 2)
-        rates = open_loop_rates(self.model, own[:n], own[n], wind=own[n + 1 :])
-        table = own[n].table
+        values = np.vstack([self.states.T, self.inputs, still])
+        table = monomials(n + 3, 2)
         given, pushes = np.split(table.exponents[: n + 4], [n + 1])  # Of 1 and e first.
         places = [[table.place(push + one) for one in given] for push in pushes]
-        return _expanded(rates, own[n])[:, :, places]
+        return expand(self.model, values, 2)[:, :, places]
 
     def part(self, which: slice) -> "Nominal":
         """Returns the flight at some of its times."""
@@ -155,11 +141,6 @@ class Nominal:
     def mixed(self, values: np.ndarray, share: float) -> np.ndarray:
         """Returns what is a straight line between the times there, (F, ...)."""
         return (1.0 - share) * values[self.flows] + share * values[self.flows + 1]
-
-
-def _expanded(rates: list[Any], like: Jet) -> np.ndarray:
-    """Returns the Taylor coefficients (T, n, M) of n rates."""
-    return np.array([coefficients_of(rate, like) for rate in rates]).transpose(2, 0, 1)
 
 
 ARRAYS = ("times", "states", "inputs", "gains", "bends")
@@ -303,30 +284,89 @@ def for_one_glider(function: Callable[..., T]) -> Callable[..., T]:
 
 
 @for_one_glider
-def rate_dependences(
-    model: GliderModel, names: tuple[str, ...] = (), in_wind: bool = False
-) -> tuple[Dependence, ...]:
-    """Returns what each of the n rates depends on.
+def _rates_of(
+    model: GliderModel,
+    names: tuple[str, ...],
+    variables: int,
+    degree: int,
+    keeps_zeros: bool = False,
+) -> Program:
+    """Returns what computes Taylor polynomials of the rates.
 
-    Variables are the n states, the command, the named numbers that deviate, and the
-    wind along x and z.
+    Inputs are the n states, the command, the deviations of the named numbers and the
+    wind along x and z. So many of them, the first, are variables, or at least the
+    command depends on those.
     """
     n = model.num_states
-    of = model.num_states + 1 + len(names)
-    own = dependences(of + 2)
-    theta = theta_at(model, names, own[n + 1 : of])
-    wind = own[of:] if in_wind else (0.0, 0.0)
-    rates = open_loop_rates(model, own[:n], own[n], theta, wind)
-    return tuple(r if isinstance(r, Dependence) else Dependence() for r in rates)
+    last = n + 1 + len(names)
+    recording = Recording(monomials(variables, degree), keeps_zeros)
+    own = recording.inputs(last + 2)
+    theta = theta_at(model, names, own[n + 1 : last])
+    rates = open_loop_rates(model, own[:n], own[n], theta, own[last:])
+    present = np.zeros((len(own), len(recording.table.degrees)), dtype=bool)
+    present[: max(variables, n + 1), 0] = True
+    present[:variables, 1 : variables + 1] = np.eye(variables)
+    if variables == n:
+        present[n, : n + 1] = True
+    return recording.program(rates, present)
+
+
+def expand(
+    model: GliderModel,
+    values: np.ndarray,
+    degree: int,
+    names: tuple[str, ...] = (),
+    gains: np.ndarray | None = None,
+) -> np.ndarray:
+    """Returns the Taylor coefficients (T, n, M) of the rates at T points.
+
+    Args:
+        model: the glider.
+        values: (V, T) of the variables: the states, the command, and in the order of
+            `rate_dependences` those that follow. The others are 0.
+        degree: of the polynomials.
+        names: numbers that deviate.
+        gains: (T, n) of a command that follows the states; then these are the only
+            variables.
+    """
+    n = model.num_states
+    variables = len(values) if gains is None else n
+    inputs = np.zeros(
+        (n + 3 + len(names), len(monomials(variables, degree).degrees), len(values.T))
+    )
+    inputs[: len(values), 0] = values
+    for i in range(variables):
+        inputs[i, 1 + i] = 1.0
+    if gains is not None:
+        inputs[n, 1 : n + 1] = -gains.T
+    program = _rates_of(model, names, variables, degree)
+    found, _ = program.run(inputs, np.full_like(inputs[:, 0], np.nan))
+    return found.transpose(2, 0, 1)
+
+
+def rate_dependences(
+    model: GliderModel, names: tuple[str, ...] = (), in_wind: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns on which variables each rate may depend, and in which it is not linear.
+
+    Both are (n, V); the latter is meant jointly with other variables. These are the n
+    states, the command, the named numbers that deviate, and the wind along x and z.
+    What a glider multiplies by zero counts: another, that deviates, may not.
+    """
+    count = model.num_states + 1 + len(names) + 2 * in_wind
+    shown = _rates_of(model, names, count, 2, True).shown
+    has = monomials(count, 2).exponents > 0
+    return shown @ has, shown[:, 1 + count :] @ has[1 + count :]
 
 
 def nonlinear_parts(
     model: GliderModel, names: tuple[str, ...] = ()
 ) -> tuple[list[int], list[int]]:
     """Returns the indices of the variables, and of the rates, that are not linear."""
-    nonlinear = [rate.nonlinear for rate in rate_dependences(model, names)]
-    which = frozenset[int]().union(*nonlinear)
-    return sorted(which), [row for row, of in enumerate(nonlinear) if of]
+    _, nonlinear = rate_dependences(model, names)
+    which = np.flatnonzero(nonlinear.any(axis=0))
+    rows = np.flatnonzero(nonlinear.any(axis=1))
+    return which.tolist(), rows.tolist()
 
 
 def evaluate(coefficients: np.ndarray, errors: np.ndarray) -> np.ndarray:

@@ -4,20 +4,22 @@ On a box c + h v, |v_i| <= 1, a Taylor model holds of what it stands for
     |f(c + h v) - p(v)| <= remainder,
 with p the polynomial that its coefficients are. All of it is proven: what a product or
 a function has beyond the degree goes into `remainder`, and so does the rounding of
-every operation (Makino and Berz 2003).
+every operation (Makino and Berz 2003). Where the remainders of the inputs are NaN, no
+bound is asked for, and the polynomials are Taylor's.
 
-A TaylorModel goes through the physics like a Jet does, but only records what is done: a
-Recording then does it for many boxes at once, in `glider.compiled.taylor`.
+A TaylorModel goes through the physics like a float does, but only records what is done:
+a Recording then does it for many boxes at once, in `glider.compiled.taylor`.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from glider.compiled import taylor
 from glider.compiled.taylor import CHANGE, FUNCTIONS, INPUT, PRODUCT, SUM, WIDER, WITHIN
-from glider.verification.dynamics.jets import Monomials, Number
+from glider.verification.dynamics.numbers import Monomials, Number
 
 _RANGE = 1e-100, 1e100
 """Sizes of factors that are carried along, so that their products do not underflow."""
@@ -26,9 +28,10 @@ _RANGE = 1e-100, 1e100
 class Recording:
     """Operations on Taylor models of one table, each of which is carried out once."""
 
-    def __init__(self, table: Monomials) -> None:
-        """Starts with none."""
+    def __init__(self, table: Monomials, keeps_zeros: bool = False) -> None:
+        """Starts with none; what is multiplied by zero counts as present or not."""
         self.table = table
+        self._keeps_zeros = keeps_zeros
         # What, of which operations, and plain numbers; the values are places.
         self._places: dict[tuple, int] = {}
 
@@ -39,14 +42,26 @@ class Recording:
         step = what, of, float(f), float(g), float(h)
         return TaylorModel(self, self._places.setdefault(step, len(self._places)))
 
-    def program(self, results: list["TaylorModel"], present: np.ndarray) -> "_Program":
+    def inputs(self, count: int) -> list["TaylorModel"]:
+        """Returns the first inputs."""
+        return [self.add(INPUT, i) for i in range(count)]
+
+    def place_of(self, value: Any) -> int:
+        """Returns the place of a model, its factor included, or of a plain number."""
+        if not isinstance(value, TaylorModel):  # It needs some operation before it.
+            return self.add(SUM, 0, 0, f=0.0, h=value).place
+        if value.factor == 1.0:
+            return value.place
+        return self.add(SUM, value.place, value.place, f=value.factor).place
+
+    def program(self, results: Sequence[Any], present: np.ndarray) -> "Program":
         """Returns what computes results, and nothing that they do not depend on.
 
         Args:
-            results: R models of this recording.
+            results: R models of this recording, or plain numbers.
             present: (I, M) which coefficients of each input may not be zero.
         """
-        wanted = [result.exactly() for result in results]
+        wanted = [self.place_of(result) for result in results]
         steps = list(self._places)
         order = dict[int, None]()
 
@@ -82,13 +97,14 @@ class Recording:
             elif what == PRODUCT:
                 there[place], pattern = products.add(*(there[i] for i in of))
             else:
-                there[place] = _present(what, [there[i] for i in of], *numbers)
+                shown = (1.0, 1.0, 1.0) if self._keeps_zeros else numbers
+                there[place] = _present(what, [there[i] for i in of], *shown)
             code.append((what, slots[place], pattern))
             row = of if what == INPUT else tuple(slots[i] for i in of)
             rows.append(row + (self.table.degree + 1 - len(row)) * (0,))
             # Slots that nothing needs any more.
             free += [slots[i] for i in set(operands(place)) if last[i] == place]
-        return _Program(
+        return Program(
             code=np.array(code),
             of=np.array(rows),
             numbers=np.array([steps[place][2:] for place in order]),
@@ -96,6 +112,7 @@ class Recording:
             results=np.array([slots[place] for place in wanted]),
             slots=count,
             products=products.arrays(),
+            shown=np.array([there[place] for place in wanted]),
         )
 
 
@@ -142,7 +159,7 @@ class _Products:
         return table.left[used], table.right[used], table.degrees, starts
 
 
-class _Program(NamedTuple):
+class Program(NamedTuple):
     """Operations on Taylor models, in order; fields are as in `taylor.run`."""
 
     code: np.ndarray
@@ -152,6 +169,7 @@ class _Program(NamedTuple):
     results: np.ndarray
     slots: int
     products: tuple[np.ndarray, ...]
+    shown: np.ndarray  #: (R, M) which coefficients of the results may not be zero.
 
     def run(
         self, coefficients: np.ndarray, remainders: np.ndarray
@@ -160,7 +178,7 @@ class _Program(NamedTuple):
 
         Given are those of the inputs, (I, M, B) and (I, B).
         """
-        return taylor.run(*self, coefficients, remainders)
+        return taylor.run(*self[:-1], coefficients, remainders)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -187,10 +205,10 @@ class TaylorModel(Number):
         factor = self.factor * float(other)
         if _RANGE[0] < abs(factor) < _RANGE[1]:
             return dataclasses.replace(self, factor=factor)
-        return TaylorModel(self.recording, self.exactly())._sum(other, 0.0)
+        return TaylorModel(self.recording, self._exactly())._sum(other, 0.0)
 
     def apply(self, function: np.ufunc) -> "TaylorModel":
-        place = self.exactly()
+        place = self._exactly()
         add = self.recording.add
         powers = [add(CHANGE, place).place]
         while len(powers) < self.recording.table.degree:
@@ -198,20 +216,11 @@ class TaylorModel(Number):
         return add(FUNCTIONS[function], place, *powers)
 
     def within(self, first: Any, second: Any) -> "TaylorModel":
-        add = self.recording.add  # A constant is 0 of the first operation, and more.
-        limits = (
-            limit.exactly()
-            if isinstance(limit, TaylorModel)
-            else add(SUM, 0, 0, f=0.0, h=limit).place
-            for limit in (first, second)
-        )
-        return add(WITHIN, self.exactly(), *limits)
+        places = map(self.recording.place_of, (self, first, second))
+        return self.recording.add(WITHIN, *places)
 
-    def exactly(self) -> int:
-        """Returns the place of this model, its factor included."""
-        if self.factor == 1.0:
-            return self.place
-        return self._sum(self.factor, 0.0).place
+    def _exactly(self):
+        return self.recording.place_of(self)
 
     def _sum(self, f, h):
         return self.recording.add(SUM, self.place, self.place, f=f, h=h)

@@ -23,15 +23,13 @@ from glider.progress import Progress, silent
 from glider.verification.dynamics.defect import defect_bounds, defect_growth
 from glider.verification.dynamics.nominal import make_nominal
 from glider.verification.funnel import servo_limits
-from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import (
-    SHARES,
+from glider.verification.funnel.boundary import (
     BoundaryForms,
     BoundarySets,
     boundary_forms,
-    growth_between,
-    largest_growth,
 )
+from glider.verification.funnel.funnel import Funnel
+from glider.verification.funnel.growth import SHARES, growth_between, largest_growth
 from glider.verification.funnel.remainder import SAMPLES
 from glider.verification.funnel.settings import FunnelSettings, hook_goal
 from glider.verification.funnel.shape_flow import FunnelTask, ShapeFlow

@@ -7,14 +7,19 @@ so that q is of third order in e: it starts again at each sample, from what the 
 is off by there, and has a period to grow.
 """
 
-import itertools
-
 import numpy as np
 from scipy.linalg import expm
 
 from glider.verification.dynamics.nominal import Nominal, advanced, table_of
+from glider.verification.funnel.boundary import (
+    Rates,
+    command_forms,
+    pull_forms,
+    rates_of,
+)
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.sos.forms import linear_part, move_axes, spread_form, to_ball
+from glider.verification.sos.exact import Sampled
+from glider.verification.sos.forms import linear_part, spread_form, to_ball
 
 _ROOM = 1.15
 """Factor on the largest q̇ at a time: for what is between the times, and norms."""
@@ -86,15 +91,10 @@ def hold_slopes(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
     return -np.einsum("ti,tij->tj", nominal.gains, A), slopes
 
 
-def form_size(tensors: np.ndarray) -> np.ndarray:
-    """Returns bounds (T,) of forms on the unit ball, given tensors (T, n, ..., n)."""
-    orders = itertools.permutations(range(1, tensors.ndim))
-    turned = [tensors.transpose(0, *order) for order in orders]
-    symmetric = np.mean(turned, axis=0)
-    if symmetric.ndim == 2:
-        return np.linalg.norm(symmetric, axis=1)
-    rows = tensors.shape[-1] ** ((tensors.ndim - 1) // 2)
-    matrices = symmetric.reshape(len(symmetric), rows, -1)
+def form_size(forms: np.ndarray, n: int, degree: int) -> np.ndarray:
+    """Returns bounds (T,) of forms (T, C) in n variables on the unit ball."""
+    tensors = spread_form(forms, n, degree)
+    matrices = tensors.reshape(len(tensors), n ** (degree // 2), -1)
     return np.linalg.norm(matrices, 2, axis=(1, 2))
 
 
@@ -181,38 +181,25 @@ def _error_growth(nominal, S, at, beta, focus, wind):
     turns = to_ball(S)[1]
     gains = nominal.gains[at]
     M = nominal.bends[at]
-    G = nominal.push_slopes[at]
-    third, fourth = _higher_parts(nominal.closed_loop[at], G, gains, M)
-    third = form_size(move_axes(third, turns, 3))
-    fourth = form_size(move_axes(fourth, turns, 4))
+    rates = Rates(**rates_of(nominal, Sampled, at))
+    B = Sampled(turns)
+    bent_in_ball = B.T @ rates.bends
+    given = B, Sampled(gains), bent_in_ball, bent_in_ball @ B
+    _, _, third, fourth = command_forms(rates, *given)
+    n = S.shape[-1]
     curved = 1.0 + _largest_values(_in_ball(focus, turns))
     bent = np.linalg.norm(M @ turns, axis=2)
     remainder = np.sum((np.abs(gains) + 2.0 * bent) * beta, axis=1)
-    growth = third + 2.0 * fourth + remainder * curved
-    # (K - 2 eᵀ M)(G₀ + G₁ e) of each push, but for its part of second order.
-    along = np.einsum("ti,tikj->tkj", gains, G)
-    tilt = along[..., 1:] - 2.0 * np.einsum("tai,tik->tka", M, G[..., 0])
-    pulls = np.abs(along[..., 0]) + np.linalg.norm(tilt @ turns, axis=2)
-    of_command = pulls[:, 0]
-    of_wind = np.linalg.norm(pulls[:, 1:], axis=1)
+    growth = remainder * curved
+    growth += form_size(third.numbers, n, 3)
+    growth += form_size(fourth.numbers, n, 4)
+    pulls = []
+    for k in range(3):  # Of each push, but for its part of second order.
+        along, tilt, _ = pull_forms(rates.push_slopes[:, k], *given[:3])
+        pulls.append(np.abs(along.numbers) + np.linalg.norm(tilt.numbers, axis=1))
+    of_command = pulls[0]
+    of_wind = np.hypot(*pulls[1:])
     apart = _ROOM * _apart(nominal, S, at)
     # Once more for the slopes of the cubics.
     growth += wind * of_wind + 2.0 * of_command * apart
     return growth, of_command, apart
-
-
-def _higher_parts(rates, G, gains, M):
-    """Returns K F₃ - 2 eᵀ M (F₂ + B eᵀ M e) and eᵀ M F₃ as tensors (K, n, ..., n).
-
-    F₂ and F₃ of the rates (K, n, M) include what eᵀ M e does along G.
-    """
-    n = gains.shape[-1]
-    table = table_of(n)
-    square = spread_form(rates[..., table.of_degree(2)], n, 2)
-    square = square + np.einsum("ti,tab->tiab", G[:, :, 0, 0], M)
-    cube = spread_form(rates[..., table.of_degree(3)], n, 3)
-    cube = cube + np.einsum("tia,tbc->tiabc", G[:, :, 0, 1:], M)
-    third = np.einsum("ti,tiabc->tabc", gains, cube)
-    third = third - 2.0 * np.einsum("tai,tibc->tabc", M, square)
-    fourth = np.einsum("tai,tibcd->tabcd", M, cube)
-    return third, fourth

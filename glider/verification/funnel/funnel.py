@@ -17,8 +17,8 @@ from glider.physics.model import GliderModel, model_text, parse_model
 from glider.planning.plan import Plan
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import ARRAYS, Nominal
+from glider.verification.funnel.boundary import BOUNDS, BoundarySets
 from glider.verification.funnel.file import GlidersNote, Notes, read_file
-from glider.verification.funnel.growth import BOUNDS, BoundarySets
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

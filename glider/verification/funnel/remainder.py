@@ -23,7 +23,8 @@ from glider.verification.dynamics.nominal import (
     nonlinear_parts,
     open_loop_rates,
 )
-from glider.verification.funnel.growth import PUSHES, climb_sphere
+from glider.verification.funnel.boundary import PUSHES
+from glider.verification.funnel.growth import climb_sphere
 from glider.verification.funnel.settings import FunnelSettings
 from glider.verification.sos.forms import to_ball
 from glider.verification.sos.sphere import normalized

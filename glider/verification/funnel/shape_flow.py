@@ -25,7 +25,7 @@ from glider.progress import Shares, silent
 from glider.verification.dynamics.moving_center import MovingCenter, make_moving_center
 from glider.verification.dynamics.nominal import Nominal, advanced
 from glider.verification.funnel import clock, servo_limits
-from glider.verification.funnel.growth import BoundarySets, boundary_forms, pushes_of
+from glider.verification.funnel.boundary import BoundarySets, boundary_forms, pushes_of
 from glider.verification.funnel.remainder import (
     LEAST_REMAINDER,
     find_focus,
@@ -34,7 +34,7 @@ from glider.verification.funnel.remainder import (
     sample_remainder,
 )
 from glider.verification.funnel.settings import FunnelSettings
-from glider.verification.sos.forms import linear_part, quadratic_form
+from glider.verification.sos.forms import linear_part
 from glider.verification.sos.programs import SolverError, first_success, least_growth
 
 SHARE = 0.1
@@ -237,7 +237,8 @@ class ShapeFlow:
         L = np.linalg.cholesky(S)
         nominal = self.nominal.part(slice(k, k + 1))
         # What is left of V̇ where S moves with the linear part of the flow.
-        still = -quadratic_form(S, np.zeros_like(S), nominal.closed_loop[0])
+        product = S @ linear_part(self.nominal.closed_loop[k])
+        still = -(product + product.T)
         sets = self._task.sets(nominal, S[None], still[None], at)
         forms = boundary_forms(sets, self.nominal.push_slopes[at])
         fault = "No solver shaped the funnel; the goal may be too wide."

@@ -11,7 +11,7 @@ import numpy as np
 
 from glider.compiled.boxes import shift, top_in_balls
 from glider.compiled.taylor import ROUNDING, TERMS, WIDER
-from glider.verification.dynamics.jets import Monomials
+from glider.verification.dynamics.numbers import Monomials
 
 _SLOPE_BLAME = 0.2
 """Blame of a box's linear terms, which the ball bounds too, beside 1 for those
@@ -63,18 +63,8 @@ def excess_in_balls(table, polynomials, remainders, limits, rates, center, half,
     """
     exponents = table.exponents
     m = table.num_variables
-    which = np.full(m, -1)
-    for k, ball in enumerate(balls):
-        which[ball] = k
     signed = polynomials - limits, -polynomials - limits
-    # Numba keeps compiled code when a constant of another module changes: an argument.
-    tops = [
-        [
-            top_in_balls(p, left, center, half, exponents, which, ROUNDING)
-            for p, left in zip(of, remainders, strict=True)
-        ]
-        for of in signed
-    ]
+    tops = [tops_in_balls(table, of, remainders, center, half, balls) for of in signed]
     sizes = np.abs(np.where(polynomials[:, :1] >= 0.0, *signed))
     own = exponents[1 + m :].T @ sizes[:, 1 + m :]
     # What is beyond the degree varies as the highest degree does.
@@ -83,3 +73,21 @@ def excess_in_balls(table, polynomials, remainders, limits, rates, center, half,
     share = highest / np.maximum(highest.sum(axis=1, keepdims=True), 1e-300)
     own += _SLOPE_BLAME * sizes[:, 1 : m + 1] + share * remainders[:, None]
     return np.max(tops, axis=0), own
+
+
+def tops_in_balls(table, polynomials, remainders, center, half, balls):
+    """Returns bounds (R, B) of p(v) + remainder on the same parts of boxes."""
+    m = table.num_variables
+    which = np.full(m, -1)
+    for k, ball in enumerate(balls):
+        which[ball] = k
+    # What is mixed in v or cubic is at most its size times a mean of squares v_i².
+    shares = table.exponents / np.maximum(table.degrees, 2)[:, None]
+    shares[: 1 + m] = 0.0
+    is_square = (table.exponents.max(axis=1) == 2) & (table.degrees == 2)
+    sizes = np.abs(polynomials)
+    bent = np.where(is_square[:, None], polynomials, sizes)
+    parts = polynomials[:, : 1 + m], shares.T @ bent, sizes.sum(axis=1), remainders
+    # Numba keeps compiled code when a constant of another module changes: an argument.
+    given = center, half, which, ROUNDING
+    return np.array([top_in_balls(*own, *given) for own in zip(*parts, strict=True)])

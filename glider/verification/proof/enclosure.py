@@ -25,10 +25,9 @@ import itertools
 
 import numpy as np
 
-from glider.compiled.taylor import INPUT, ROUNDING, WIDER
+from glider.compiled.taylor import ROUNDING, WIDER
 from glider.physics.confidence import ConfidenceSet, theta_at
 from glider.physics.model import GliderModel
-from glider.verification.dynamics.jets import monomials
 from glider.verification.dynamics.nominal import (
     ORDER,
     for_one_glider,
@@ -38,9 +37,11 @@ from glider.verification.dynamics.nominal import (
     open_loop_rates,
     table_of,
 )
+from glider.verification.dynamics.numbers import monomials
 from glider.verification.dynamics.taylor_models import Recording, spread
+from glider.verification.funnel.boundary import PUSHES
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import DIFFERENCE, PUSHES
+from glider.verification.funnel.growth import DIFFERENCE
 from glider.verification.proof.boxes import excess_in_balls, run_on_boxes, shifted_from
 from glider.verification.proof.interval import gliders_path
 from glider.verification.sos.forms import change_variables
@@ -54,8 +55,8 @@ _SAMPLES = 1000
 class TaylorRemainder:
     """R over the sets of an interval, ready to be enclosed on boxes of (w, s).
 
-    Polynomials are in (w, v, q, s), by `jets.monomials(m + r + p + 1, ORDER)`; there is
-    no v for one glider alone, and no q where nothing pushes.
+    Polynomials are in (w, v, q, s), by `numbers.monomials(m + r + p + 1, ORDER)`; there
+    is no v for one glider alone, and no q where nothing pushes.
     """
 
     model: GliderModel  #: Glider whose rates they are.
@@ -162,7 +163,7 @@ def _recorded(model, d, names, rows, is_windy, sizes, present):
     Inputs are groups of these sizes; present is of `Recording.program`, as bytes.
     """
     recording = Recording(monomials(d, ORDER))
-    models = (recording.add(INPUT, i) for i in itertools.count())
+    models = iter(recording.inputs(sum(sizes)))
     inputs, deviated, wind, (time,), highest, polynomials, limits = (
         list(itertools.islice(models, size)) for size in sizes
     )

@@ -18,6 +18,7 @@ import numpy as np
 from glider.compiled.taylor import WIDER
 from glider.progress import Shares, silent
 from glider.verification.dynamics.defect import defect_bounds
+from glider.verification.funnel.boundary import command_forms, pull_forms
 from glider.verification.funnel.clock import form_size, hold_slopes
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.interval import (
@@ -27,7 +28,7 @@ from glider.verification.proof.interval import (
     make_interval,
     tight_cover,
 )
-from glider.verification.proof.interval_growth import BALL_BITS, pulled_forms
+from glider.verification.proof.interval_growth import BALL_BITS
 from glider.verification.sos.exact import (
     exact,
     hermite,
@@ -35,7 +36,7 @@ from glider.verification.sos.exact import (
     line,
     rounded,
 )
-from glider.verification.sos.forms import exact_product, gathered, spread_form
+from glider.verification.sos.forms import gathered
 
 _PERIOD_ROUNDING = 1e-9
 """Time by which the samples in a file may be off the clock's [s]."""
@@ -129,7 +130,7 @@ def _bounded_after(piece, before):
     square_rise = gathered(B.T @ M_rise @ B, n)
     M = B.T @ M
     known = B.T @ interval.bends @ B
-    first, second, third, fourth = _rate_forms(interval, B, K, M, known)
+    first, second, third, fourth = command_forms(interval, B, K, M, known)
 
     # What the linear and the quadratic part of q̇ lack to vanish.
     step = np.diff(nominal.times)[0]
@@ -171,34 +172,12 @@ def _ball_of_states(interval, n):
     return B if covers(states, B.to_float()) else None
 
 
-def _rate_forms(interval, B, K, M, known):
-    """Returns (K - 2 eᵀ M)(P + G eᵀ M e), its parts of degree 1 to 4 in z, e = B z.
-
-    K is (n,), M is Bᵀ M (n, n), and known is Bᵀ M B of the straight line.
-    """
-    rows = interval.rows
-    push = interval.push_slopes[:, 0]
-    steady = push[:, 0]
-    varying = push[:, 1:] @ B
-    field = interval.linear @ interval.outputs @ B
-    rates = interval.rates(B)
-    square, cube = pulled_forms(rates, K[rows])
-    bent_square, bent_cube = pulled_forms(rates, M.T[rows])
-    bent_square = bent_square + exact_product(M @ steady, known)
-    second = gathered(known * (K @ steady) - M @ field * 2, len(K))
-    third = cube + exact_product(K @ varying, known) - bent_square * 2
-    fourth = bent_cube + exact_product(M @ varying, known)
-    return K @ field, square + second, third, fourth * 2
-
-
 def _pull(slopes, B, K, M):
     """Returns a bound of |(K - 2 eᵀ M) G|, G of slopes (n, 1 + n) in (1, e)."""
-    steady = slopes[:, 0]
-    varying = slopes[:, 1:] @ B
-    along = (K @ steady).bernstein()
-    tilt = (K @ varying - M @ steady * 2).bernstein()
-    size = np.abs(along).max() + np.linalg.norm(tilt, axis=1).max()
-    return size + 2.0 * _norms(M @ varying).max()
+    along, tilt, bent = pull_forms(slopes, B, K, M)
+    size = np.abs(along.bernstein()).max()
+    size += np.linalg.norm(tilt.bernstein(), axis=1).max()
+    return size + _norms(bent).max()
 
 
 def _norms(matrix):
@@ -208,5 +187,4 @@ def _norms(matrix):
 
 def _size(form, n, degree):
     """Returns a bound of |form(z)| for |z| <= 1 at all times."""
-    tensors = spread_form(form.bernstein(), n, degree)
-    return form_size(tensors).max()
+    return form_size(form.bernstein(), n, degree).max()

@@ -26,8 +26,8 @@ from glider.verification.dynamics.nominal import (
     line_powers,
     nonlinear_parts,
     rate_dependences,
-    table_of,
 )
+from glider.verification.funnel.boundary import Arithmetic, Terms, terms_of
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.sos.exact import (
     Exact,
@@ -39,29 +39,12 @@ from glider.verification.sos.exact import (
     joined,
     line,
 )
-from glider.verification.sos.forms import substituted
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Interval:
+class Interval(Terms):
     """An interval of a funnel, or a part of one; halving it changes no polynomial."""
 
-    step: Exact  #: Duration h of the funnel's own interval [s].
-    rows: list[int]  #: Indices (r,) of the rates that are not linear.
-    which: list[int]  #: Indices (m,) of the variables (e, δu) that these depend on.
-    S: Exact  #: S (n, n), cubic.
-    rise: Exact  #: H Ṡ (n, n), quadratic.
-    outputs: Exact  #: C (n + 1, n): (e, δu) = C e.
-    linear: Exact  #: Jacobian of the rates (n, n + 1), P₁.
-    quadratic: Exact  #: Coefficients (r, C₂) of P₂, in the variables that count.
-    cubic: Exact  #: Coefficients (r, C₃) of P₃.
-    weights: Exact  #: λ (n,).
-    bearing: Exact  #: β² / λ (n,), rounded up.
-    focus: Exact  #: F (n, n).
-    push_slopes: Exact  #: G (n, 3, 1 + n) of pushes, in (1, e).
-    bends: Exact  #: M (n, n) of the command's known error eᵀ M e.
-    push_weights: Exact  #: λ (2,) of these.
-    push_bearing: Exact  #: κ² / λ and w² / λ (2,), rounded up.
     #: The servo's limits, a (n,) and b (): it follows its command where aᵀ e < b.
     limits: tuple[tuple[Exact, Exact], ...]
     span: tuple[float, float] = (-1.0, 1.0)  #: First and last s of this part.
@@ -82,11 +65,6 @@ class Interval:
             for side, of in enumerate([(first, middle), (middle, last)])
         )
 
-    def rates(self, basis: Exact) -> tuple[Exact, Exact]:
-        """Returns P₂ and P₃, (r, C) each, as forms in z, for e = basis z."""
-        own = (self.outputs @ basis)[self.which]
-        return substituted(self.quadratic, 2, own), substituted(self.cubic, 3, own)
-
 
 def make_interval(piece: Funnel) -> Interval:
     """Returns the polynomials of a funnel of two times; λ > 0 where β is.
@@ -94,48 +72,25 @@ def make_interval(piece: Funnel) -> Interval:
     Raises:
         ValueError: a number is not finite, or λ is not positive where β is.
     """
-    nominal = piece.nominal
-    n = piece.num_states
-    which, rows = nonlinear_parts(nominal.model)
-    first, last = map(exact, nominal.times)
+    first, last = map(exact, piece.nominal.times)
     step = last - first
-    S, rise = hermite(piece.S, piece.slopes, step)
-    outputs = [np.vstack([np.eye(n), -gains]) for gains in nominal.gains]
-    table = table_of(n + 1)
-    own = table.without(np.setdiff1d(np.arange(n + 1), which))
-    rates = nominal.open_loop
-    higher = [
-        line(rates[:, rows][..., own & (table.degrees == degree)]) for degree in (2, 3)
-    ]
-    seen = np.isin(np.arange(n), which)  # By R.
-    return Interval(
-        step=step,
-        rows=rows,
-        which=which,
-        S=S,
-        rise=rise,
-        outputs=line(np.array(outputs)),
-        linear=line(rates[..., table.of_degree(1)]),
-        quadratic=higher[0],
-        cubic=higher[1],
-        weights=line(piece.weights),
-        bearing=in_time(*map(_bearing, piece.beta, piece.weights)),
-        focus=line(np.where(np.outer(seen, seen), piece.focus, 0.0)),
-        push_slopes=line(nominal.push_slopes),
-        bends=line(nominal.bends),
-        push_weights=line(piece.push_weights),
-        push_bearing=in_time(*map(_bearing, piece.unknown_pushes, piece.push_weights)),
-        limits=_limits(piece, step),
-    )
+    terms = terms_of(piece, step, Arithmetic(line, hermite, _bearings))
+    return Interval(**terms, limits=_limits(piece, step))
+
+
+def _bearings(bounds, weights):
+    """Returns the straight line between β² / λ at both ends, each rounded up."""
+    return in_time(*map(_bearing, bounds, weights))
 
 
 def _bearing(beta, weights):
     """Returns β² / λ (n,), rounded up; zero where β is.
 
     Raises:
-        ValueError: λ is not positive where β is.
+        ValueError: λ is not positive where β is, or one of them is negative.
     """
-    if np.any((beta > 0.0) & ~(weights > 0.0)):
+    weighed = (beta > 0.0) & (weights > 0.0)
+    if not np.all(np.where(beta == 0.0, weights >= 0.0, weighed)):
         raise ValueError("a weight is zero")
     parts = [
         at_least(Fraction(b) ** 2 / Fraction(w)) if b > 0.0 else exact(0.0)
@@ -314,10 +269,9 @@ def acts_elsewhere(piece: Funnel) -> str:
         ("the wind acts where the remainder leaves it out", (), is_windy),
         ("a linear rate depends on a number that deviates", piece.allowed.names, False),
     ):
-        rates = rate_dependences(model, names, in_wind)
-        linear = (rate.variables for row, rate in enumerate(rates) if row not in rows)
-        bent = frozenset[int]().union(*(rate.nonlinear for rate in rates))
-        others = bent.difference(which, range(n + 1, n + 3 + len(names)))
-        if others or max(frozenset[int]().union(*linear)) > n:
+        depends, bent = rate_dependences(model, names, in_wind)
+        elsewhere = np.setdiff1d(np.arange(n + 1), which)
+        linear = np.delete(depends, rows, axis=0)
+        if bent[:, elsewhere].any() or linear[:, n + 1 :].any():
             return fault
     return ""

@@ -9,24 +9,17 @@ definite, both halves of the interval are tried.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
-from typing import NamedTuple
 
 import numpy as np
 
+from glider.verification.funnel.boundary import growth_forms
 from glider.verification.funnel.funnel import Funnel
-from glider.verification.funnel.growth import PUSHES
 from glider.verification.proof.interval import Interval
 from glider.verification.sos.exact import Exact, in_time, joined, rounded
-from glider.verification.sos.forms import (
-    contracted,
-    exact_product,
-    gathered,
-    has_definite_gram,
-    to_ball,
-)
-from glider.verification.sos.sphere import nearby_gram, sphere
+from glider.verification.sos.forms import product_form, to_ball
+from glider.verification.sos.sphere import has_definite_gram, nearby_gram, sphere
 
 _GRAM_BITS = 36
 """Binary places that Gram matrices are rounded to: 1.5e-11, where their least
@@ -48,15 +41,6 @@ HALVINGS = 4
 """Largest number of times that an interval is halved."""
 
 
-class _GrowthForms(NamedTuple):
-    """The forms that make up h (V̇ + slack V); see the module."""
-
-    A: Exact  #: (n, n).
-    cubic: Exact  #: c₃ (C₃,).
-    quartic: Exact  #: c₄ (C₄,).
-    G: Exact  #: (n, n).
-
-
 def prove_growth(
     interval: Interval,
     slack: Exact,
@@ -73,45 +57,6 @@ def prove_growth(
     first, last = interval.halves()
     early = prove_growth(first, slack, (grams[0], middle), halvings - 1)
     return early and prove_growth(last, slack, (middle, grams[1]), halvings - 1)
-
-
-def _growth_forms(interval: Interval, basis: Exact, slack: Exact) -> _GrowthForms:
-    """Returns the forms above, exactly, for a basis B (n, n)."""
-    h = interval.step
-    H = basis.T @ interval.S
-    G = H @ basis
-    y = interval.outputs @ basis
-    half = H @ (interval.linear @ y)
-    disturbance = (H * interval.weights) @ H.T
-    disturbance = disturbance + interval.bearing.sum() * G
-    steady = interval.push_slopes[:, :, 0]
-    pushed = H @ steady
-    push = (pushed * interval.push_weights[PUSHES]) @ pushed.T
-    push = push + interval.push_bearing.sum() * G
-    growth = half + half.T + disturbance + push + slack * G
-    rise = basis.T @ interval.rise @ basis
-    A = -(rise + h * growth)
-
-    pull = (h * H.T)[interval.rows]
-    cubic, quartic = pulled_forms(interval.rates(basis), pull)
-    cubic = cubic * -2
-    quartic = quartic * -2
-    focus = basis.T @ interval.focus @ basis
-    if focus.numbers.any():
-        quartic = quartic - h * exact_product(disturbance, focus)
-    for k, bound in enumerate(PUSHES):
-        slopes = interval.push_slopes[:, k, 1:]
-        along = pushed[:, k]
-        varying = basis.T @ slopes.T @ H.T
-        if interval.push_bearing[bound].numbers.any():
-            weight = h * interval.push_weights[bound]
-            cubic = cubic - weight * exact_product(along, varying) * 2
-            quartic = quartic - weight * exact_product(varying, varying)
-        if k == 0 and interval.bends.numbers.any():
-            known = basis.T @ interval.bends @ basis * 2
-            cubic = cubic - h * exact_product(along, known)
-            quartic = quartic - h * exact_product(varying, known)
-    return _GrowthForms(A, cubic, quartic, G)
 
 
 def gram_guesses(funnel: Funnel, slack: float) -> list[np.ndarray]:
@@ -136,7 +81,7 @@ def _prove_whole(interval, slack, grams):
     half = Fraction(1, 2)
     # It turns the set in the middle into a ball.
     basis = rounded(to_ball(interval.S.at(half).to_float())[1], BALL_BITS)
-    forms = _growth_forms(interval, basis, slack)
+    forms = growth_forms(interval, basis, slack)
     tables = sphere(len(basis))
     h = float(interval.step.to_float())
     B = basis.to_float()
@@ -162,17 +107,6 @@ def _prove_whole(interval, slack, grams):
     return gram, falls
 
 
-def pulled_forms(rates: tuple[Exact, Exact], pull: Exact) -> Iterator[Exact]:
-    """Returns P₂ᵀ p and P₃ᵀ p as forms in z, for a pull p, given (r,), or (r, n) z."""
-    is_constant = pull.numbers.ndim == 2
-    for degree, rate in enumerate(rates, 2):
-        form = contracted(rate, pull, axis=0)
-        if not is_constant:
-            n = pull.numbers.shape[2]
-            form = gathered(form, n, degree)
-        yield form
-
-
 def _search(tables, guess, coefficients, h, block=None):
     """Returns the entries of a Gram matrix of h V̇ near a guess; None for none."""
     entries = tables.entries(guess)
@@ -194,7 +128,7 @@ def _through(matrices):
 def _has_definite_grams(forms, N, guesses, h):
     """Determines whether all parts of a Q with this N are positive definite."""
     tables = sphere(len(N))
-    even = forms.quartic + exact_product(N, forms.G)
+    even = forms.quartic + product_form(N, forms.G)
     degree = len(guesses) - 1
     corners = (forms.A - N).raised(degree).parts
     cubics = forms.cubic.raised(degree).parts

@@ -142,15 +142,13 @@ def prove_interval(
         return _prove_remainder(piece, make_interval(piece))
     except (np.linalg.LinAlgError, OverflowError, ValueError):
         # Of what floating point has to propose.
-        return IntervalProof(fault="its numbers are too large, or its sets too flat")
+        return IntervalProof(
+            fault="a weight is zero, its numbers are too large, or its sets too flat"
+        )
 
 
 def _certificate_fault(piece):
     """Returns what is not proven, a clause; empty where all is."""
-    if not _has_weights(piece.beta, piece.weights):
-        return "a weight of the remainder is zero"
-    if not _has_weights(piece.unknown_pushes, piece.push_weights):
-        return "a weight of the command's error or the wind is zero"
     if fault := acts_elsewhere(piece):
         return fault
     interval = make_interval(piece)
@@ -164,12 +162,6 @@ def _certificate_fault(piece):
     if not prove_growth(interval, exact(slack), gram_guesses(piece, slack)):
         return "V was not proven to fall on the boundary"
     return ""
-
-
-def _has_weights(bounds, weights):
-    """Determines whether weights are positive wherever bounds are not zero."""
-    weighed = (bounds > 0.0) & (weights > 0.0)
-    return np.all(np.where(bounds == 0.0, weights >= 0.0, weighed))
 
 
 def _needed_slack(piece: Funnel, interval: Interval) -> float:

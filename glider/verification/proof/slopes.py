@@ -10,16 +10,16 @@ import dataclasses
 import numpy as np
 import scipy.linalg
 
-from glider.compiled.taylor import INPUT, ROUNDING, WIDER
+from glider.compiled.taylor import ROUNDING, WIDER
 from glider.physics.confidence import theta_at
 from glider.physics.servo import STOPPING_TIME
-from glider.verification.dynamics.jets import Slope, monomials
 from glider.verification.dynamics.nominal import (
     hermite_powers,
     line_powers,
     nonlinear_parts,
     open_loop_rates,
 )
+from glider.verification.dynamics.numbers import Slope, monomials
 from glider.verification.dynamics.taylor_models import Recording
 from glider.verification.funnel.funnel import Funnel
 from glider.verification.proof.boxes import excess_in_balls, run_on_boxes
@@ -65,20 +65,15 @@ class Slopes:
         recording = Recording(self.table)
         count = n + 3 + len(self.allowed.names)
         total = count + 2 * n
-        inputs = [recording.add(INPUT, i) for i in range(total)]
+        inputs = recording.inputs(total)
         line = inputs[count : count + n]
         changes = inputs[count + n :]
-        zero = inputs[0] * 0.0
-        J = _slopes_of_rates(model, inputs[:count], self.allowed, zero)
-        flat = []
-        for row in J:
-            flat += [zero + slope for slope in row]
+        J = _slopes_of_rates(model, inputs[:count], self.allowed)
+        flat = [slope for row in J for slope in row]
         pulls = []
         for column in zip(*J, strict=True):
-            pull = zero
-            for a, slope in zip(line, column, strict=True):
-                pull = pull + a * slope
-            pulls.append(pull)
+            products = zip(line, column, strict=True)
+            pulls.append(sum(a * slope for a, slope in products))
         for i, change in enumerate(changes):
             pulls[i] = pulls[i] - change
 
@@ -90,7 +85,7 @@ class Slopes:
         self.of_line = tuple(recording.program(pulls, of) for of in patterns)
 
 
-def _slopes_of_rates(model, inputs, allowed, zero):
+def _slopes_of_rates(model, inputs, allowed):
     """Returns the slopes of each rate along x, u, w and v, in Taylor models.
 
     Inputs are the states, the command, the wind and the numbers that deviate.
@@ -105,7 +100,7 @@ def _slopes_of_rates(model, inputs, allowed, zero):
     wind = own[n + 1 : n + 3]
     theta = theta_at(model, allowed.names, own[n + 3 :])
     rates = open_loop_rates(model, states, command, theta, wind)
-    flat = Slope(zero, (0.0,) * directions.shape[1])
+    flat = Slope(0.0, (0.0,) * directions.shape[1])
     return [(flat + rate).slopes for rate in rates]
 
 
@@ -144,24 +139,18 @@ class NearSets:
     def _inputs(self, part, basis, curve):
         """Returns states, command and wind as polynomials on boxes, and zeros of v."""
         slopes = self._slopes
-        table = slopes.table
         n = slopes.num_states
         m = len(slopes.which)
-        unit = np.eye(m + 5, dtype=int)
-        powers = np.arange(_DEGREE + 1)
-        time = [table.place(power * unit[-1]) for power in powers]
-        self._line = table.place(unit[-2])
+        time = [0, m + 5, -1]  # Places of 1, s and s² in the table.
+        self._line = m + 4
         numbers = len(part.allowed.names)
-        found = np.zeros((n + 3 + numbers, len(table.degrees)))
-        states = found[:n]
-        command = found[n]
-        wind = found[n + 1 : n + 3]
-        states[:, time] = curve[:, powers]
-        command[time[:2]] = line_powers(part.nominal.inputs)
+        found = np.zeros((n + 3 + numbers, len(slopes.table.degrees)))
+        found[:n, time] = curve[:, : _DEGREE + 1]
+        found[n, time[:2]] = line_powers(part.nominal.inputs)
         found[slopes.which, 1 : m + 1] = basis
-        command[m + 1] = part.errors.max()
-        wind[0, m + 2] = part.settings.wind
-        wind[1, m + 3] = part.settings.wind
+        wind = part.settings.wind
+        pushes = np.diag([part.errors.max(), wind, wind])
+        found[n : n + 3, m + 1 : m + 4] += pushes
         return found
 
     def _left_out(self, part, near, curve):

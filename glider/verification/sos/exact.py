@@ -47,10 +47,10 @@ class Exact:
         low = min(self.exponent, other.exponent)
         degree = max(self.degree, other.degree)
         both = (one.raised(degree).integers(low) for one in (self, other))
-        return Exact(operator.add(*both), low)
+        return type(self)(operator.add(*both), low)
 
     def __neg__(self) -> "Exact":
-        return Exact(-self.numbers, self.exponent)
+        return type(self)(-self.numbers, self.exponent)
 
     def __sub__(self, other: "Exact") -> "Exact":
         return self + -other
@@ -58,7 +58,7 @@ class Exact:
     def __mul__(self, other: "Exact | int") -> "Exact":
         """Multiplies entry by entry."""
         if isinstance(other, int):
-            return Exact(self.numbers * other, self.exponent)
+            return type(self)(self.numbers * other, self.exponent)
         return self.product(other, operator.mul)
 
     def __matmul__(self, other: "Exact") -> "Exact":
@@ -66,7 +66,7 @@ class Exact:
 
     def __getitem__(self, index: Any) -> "Exact":
         index = index if isinstance(index, tuple) else (index,)
-        return Exact(self.numbers[(slice(None), *index)], self.exponent)
+        return type(self)(self.numbers[(slice(None), *index)], self.exponent)
 
     def __len__(self) -> int:
         return self.numbers.shape[1]
@@ -75,7 +75,7 @@ class Exact:
     def T(self) -> "Exact":
         """Transpose."""
         axes = range(self.numbers.ndim - 1, 0, -1)
-        return Exact(self.numbers.transpose(0, *axes), self.exponent)
+        return type(self)(self.numbers.transpose(0, *axes), self.exponent)
 
     def product(self, other: "Exact", multiply: Callable) -> "Exact":
         """Returns a product, given that of two arrays of integers."""
@@ -87,7 +87,8 @@ class Exact:
 
     def sum(self) -> "Exact":
         """Returns the sum of all entries."""
-        return Exact(self.numbers.reshape(len(self.numbers), -1).sum(1), self.exponent)
+        total = self.numbers.reshape(len(self.numbers), -1).sum(1)
+        return type(self)(total, self.exponent)
 
     def integers(self, exponent: int) -> np.ndarray:
         """Returns the integers (d + 1, ...) for a lower common exponent."""
@@ -124,6 +125,28 @@ class Exact:
         """Returns Bernstein's coefficients (d + 1, ...), the nearest doubles."""
         parts = enumerate(self.parts)
         return np.array([p.to_float() / math.comb(self.degree, j) for j, p in parts])
+
+
+class Sampled(Exact):
+    """Doubles at T times, with the operations of polynomials: nothing of it is exact.
+
+    Where a polynomial has its p_j, it has its values (T, ...); one is for all times.
+    """
+
+    def __init__(self, numbers: Any, exponent: int = 0):
+        self.numbers = np.asarray(numbers, dtype=float)
+        self.exponent = exponent
+
+    def raised(self, degree: int) -> "Sampled":
+        """Returns the values at as many times as a degree has p_j."""
+        shape = degree + 1, *self.numbers.shape[1:]
+        return Sampled(np.broadcast_to(self.numbers, shape))
+
+    def product(self, other: Exact, multiply: Callable) -> "Sampled":
+        """Returns the products at all times."""
+        degree = max(self.degree, other.degree)
+        both = self.raised(degree).numbers, other.raised(degree).numbers
+        return Sampled([multiply(*pair) for pair in zip(*both, strict=True)])
 
 
 def exact(values: np.ndarray | float) -> Exact:

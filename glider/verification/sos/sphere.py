@@ -12,12 +12,14 @@ a margin finds the next one in a few steps of 1 ms, without a solver.
 """
 
 import functools
-import itertools
 
 import numpy as np
+from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
-from glider.verification.dynamics.jets import exponents_of
+from glider.verification.dynamics.numbers import exponents_of
+from glider.verification.sos.exact import Exact, Sampled, leaves_definite
+from glider.verification.sos.forms import places_of_products, substituted
 
 
 class Sphere:
@@ -25,8 +27,6 @@ class Sphere:
 
     Attributes:
         n: the dimension.
-        cubic, quartic: exponents of the monomials of degree 3 and 4, C₃ and C₄ tuples.
-        basis: (s, n) exponents of b.
         scales: (s,) factors of b, 1 or √2.
         size: s, rows of a Gram matrix, n + n (n + 1) / 2.
         rows, columns: of the entries of a Gram matrix's lower triangle, column by
@@ -40,35 +40,37 @@ class Sphere:
     def __init__(self, n: int):
         """Makes the tables."""
         self.n = n
-        self.cubic = [tuple(e) for e in exponents_of(n, 3)]
-        self.quartic = [tuple(e) for e in exponents_of(n, 4)]
-        place = {e: k for k, e in enumerate(self.cubic + self.quartic)}
-        self.basis = np.concatenate([exponents_of(n, 1), exponents_of(n, 2)])
-        mixed = (self.basis > 0).sum(axis=1) == 2
-        self.scales = np.where(mixed, np.sqrt(2.0), 1.0)
-        self.size = len(self.basis)
-        products = self.basis[:, None] + self.basis
-        self.places = np.array([[place.get(tuple(e), -1) for e in r] for r in products])
-        self.lift = np.zeros((len(self.quartic), n, n))
-        unit = self.basis[:n]
-        for i, j, k in itertools.product(range(n), repeat=3):
-            even = place[tuple(unit[i] + unit[j] + 2 * unit[k])] - len(self.cubic)
-            self.lift[even, i, j] += 1.0
+        squares = exponents_of(n, 2)
+        is_mixed = squares.max(axis=1) == 1
+        self.scales = np.append(np.ones(n), np.where(is_mixed, np.sqrt(2.0), 1.0))
+        self.size = len(self.scales)
+        odd = places_of_products(n, 1, 2)
+        even = places_of_products(n, 2, 2)
+        first_even = odd.max() + 1
+        self.places = np.full((self.size, self.size), -1)
+        self.places[:n, n:] = odd
+        self.places[n:, :n] = odd.T
+        self.places[n:, n:] = first_even + even
+        pairs = places_of_products(n, 1, 1)
+        i, j = np.indices((n, n))
+        self.lift = np.zeros((even.max() + 1, n, n))
+        for square in np.diagonal(pairs):
+            self.lift[even[pairs, square], i, j] += 1.0
         self.columns, self.rows = columns, rows = np.triu_indices(self.size)
         weight = self.scales[rows] * self.scales[columns]
         weight *= np.where(rows == columns, 1.0, 2.0)
-        self.map = np.zeros((len(place), len(rows)))
+        self.map = np.zeros((first_even + len(self.lift), len(rows)))
         own = rows < n
         entries = np.flatnonzero(~own)
         self.map[self.places[rows, columns][entries], entries] = weight[entries]
         lifted = weight[own] * self.lift[:, rows[own], columns[own]]
-        self.map[len(self.cubic) :, own] = lifted
+        self.map[first_even:, own] = lifted
 
     @functools.cached_property
     def constant(self) -> np.ndarray:
         """Coefficients (C,) of 1 = |z|⁴."""
         one = np.einsum("cii->c", self.lift)
-        return np.concatenate([np.zeros(len(self.cubic)), one])
+        return np.append(np.zeros(len(self.map) - len(one)), one)
 
     @functools.cached_property
     def whole(self) -> tuple[np.ndarray, np.ndarray]:
@@ -98,14 +100,10 @@ class Sphere:
 
     def substitution(self, turn: np.ndarray) -> np.ndarray:
         """Returns the matrix (s, s) of b(turn z) = matrix b(z)."""
-        n = self.n
         scales = self.scales[self.n :]
-        i, j = np.array([np.repeat(np.arange(n), e) for e in self.basis[n:]]).T
-        both = turn[i][:, i] * turn[j][:, j] + turn[i][:, j] * turn[j][:, i]
-        matrix = np.zeros((self.size, self.size))
-        matrix[:n, :n] = turn
-        matrix[n:, n:] = scales[:, None] * both / (scales * np.where(i == j, 2.0, 1.0))
-        return matrix
+        squares = Sampled(np.eye(len(scales))[None])
+        moved = substituted(squares, 2, Sampled(turn[None])).numbers[0]
+        return block_diag(turn, scales[:, None] * moved / scales)
 
     def coefficients(
         self, quadratic: np.ndarray, cubic: np.ndarray, quartic: np.ndarray
@@ -180,3 +178,29 @@ def nearby_gram(
         raised = (vectors * np.maximum(values, aim)) @ vectors.T
         state = state + tables.entries(raised) - candidate
     return None
+
+
+def has_definite_gram(
+    tables: Sphere, gram: Exact, corner: Exact, others: Exact
+) -> bool:
+    """Determines whether a polynomial has a positive definite Gram matrix near one.
+
+    It is zᵀ A z, A the corner (n, n), plus one with the other coefficients (C,). What
+    these differ by from those of the Gram matrix (s, s) is added to it, each in the
+    first place that has its monomial.
+    """
+    places = tables.places
+    mixed = tables.places >= 0
+    known = np.zeros(len(tables.map), dtype=object)
+    np.add.at(known, places[mixed], gram.numbers[0, mixed])
+    left_over = others - Exact([known], gram.exponent)
+    _, first = np.unique(places, return_index=True)
+    rows, columns = np.unravel_index(first[1:], places.shape)  # The first is -1.
+    numbers, own = np.zeros((2, 1, *places.shape), dtype=object)
+    # Half of each goes to either side of the diagonal: one binary place more.
+    numbers[:, rows, columns] += left_over.numbers
+    numbers[:, columns, rows] += left_over.numbers
+    block = corner - gram[: tables.n, : tables.n]
+    own[:, : tables.n, : tables.n] = block.numbers
+    change = Exact(numbers, left_over.exponent - 1) + Exact(own, block.exponent)
+    return leaves_definite(gram, change)

@@ -1,10 +1,8 @@
 """Kinds of number that go through `glider.physics.compose` like a float does.
 
 The physics knows + - * / and six functions of NumPy. All of it comes down to three
-operations, which a kind of number defines: `plus`, `times` and `apply`. Dependence is
-what a result depends on; a Jet comes out as the Taylor polynomial of the result: the
-one source of physics, expanded to any order. Its coefficients may be arrays over many
-expansion points, so that one pass through the physics expands it along a whole flight.
+operations, which a kind of number defines: `plus`, `times` and `apply`. A Slope carries
+derivatives along; `taylor_models` has polynomials, which are sums of Monomials.
 """
 
 import abc
@@ -16,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from glider.compiled.taylor import FUNCTIONS, series
+from glider.compiled.taylor import FUNCTIONS
 
 
 class Number(np.lib.mixins.NDArrayOperatorsMixin, abc.ABC):
@@ -74,36 +72,6 @@ _OPERATIONS: dict[np.ufunc, Callable] = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
-class Dependence(Number):
-    """The variables that a number depends on.
-
-    It may name a variable too many (x - x depends on x), never one too few.
-    """
-
-    #: Indices of the variables that it depends on at all.
-    variables: frozenset[int] = frozenset()
-    #: Indices of those in which it need not be linear, jointly with the others.
-    nonlinear: frozenset[int] = frozenset()
-
-    def plus(self, other: Any) -> "Dependence":
-        if not isinstance(other, Dependence):
-            return self
-        both = self.variables | other.variables
-        return Dependence(both, self.nonlinear | other.nonlinear)
-
-    def times(self, other: Any) -> "Dependence":
-        if not isinstance(other, Dependence) or not other.variables:
-            return self
-        if not self.variables:
-            return other
-        both = self.variables | other.variables
-        return Dependence(both, both)
-
-    def apply(self, function: np.ufunc) -> "Dependence":
-        return Dependence(self.variables, self.variables)
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class Slope(Number):
     """A number and its slopes along some variables, all of one kind."""
@@ -159,11 +127,6 @@ _DERIVATIVES: dict[np.ufunc, Callable] = {  # Of y = g(x), by x and y.
     np.arctan: lambda x, y: 1.0 / (1.0 + x * x),
     np.reciprocal: lambda x, y: -y * y,
 }
-
-
-def dependences(count: int) -> list[Dependence]:
-    """Returns the variables 0 to count - 1, each of which depends on itself."""
-    return [Dependence(frozenset([i])) for i in range(count)]
 
 
 class Monomials:
@@ -233,62 +196,3 @@ def exponents_of(num_variables: int, degree: int) -> np.ndarray:
 def monomials(num_variables: int, degree: int) -> Monomials:
     """Returns the table of these monomials, made once."""
     return Monomials(num_variables, degree)
-
-
-@dataclasses.dataclass(eq=False)
-class Jet(Number):
-    """A truncated Taylor polynomial as a number.
-
-    Its coefficients may be arrays, one number for each expansion point; plain numbers
-    and arrays like that join in.
-    """
-
-    table: Monomials  #: The Monomials that it is a sum of.
-    coefficients: np.ndarray  #: (M, ...) one for each monomial.
-
-    def plus(self, other: Any) -> "Jet":
-        if isinstance(other, Jet):
-            return Jet(self.table, self.coefficients + other.coefficients)
-        coefficients = self.coefficients.copy()
-        coefficients[0] += other
-        return Jet(self.table, coefficients)
-
-    def times(self, other: Any) -> "Jet":
-        if not isinstance(other, Jet):
-            return Jet(self.table, self.coefficients * other)
-        table = self.table
-        products = self.coefficients[table.left] * other.coefficients[table.right]
-        return Jet(table, np.add.reduceat(products, table.starts, axis=0))
-
-    def apply(self, function: np.ufunc) -> "Jet":
-        terms = series(function, self.coefficients[0], self.table.degree)
-        change = Jet(self.table, self.coefficients.copy())
-        change.coefficients[0] = 0.0
-        total = _constant(self, terms[-1])
-        for term in terms[-2::-1]:
-            total = total.times(change).plus(term)
-        return total
-
-
-def variables(values: np.ndarray, degree: int) -> list[Jet]:
-    """Returns the jets of x_i = values[i] + (variable i), values (n, ...)."""
-    values = np.asarray(values, dtype=float)
-    table = monomials(len(values), degree)
-    coefficients = np.zeros((len(values), len(table.degrees), *values.shape[1:]))
-    coefficients[:, 0] = values
-    for i, own in enumerate(coefficients):
-        own[1 + i] = 1.0
-    return [Jet(table, own) for own in coefficients]
-
-
-def coefficients_of(value: object, like: Jet) -> np.ndarray:
-    """Returns the coefficients of a jet, or of a number as a constant jet."""
-    if isinstance(value, Jet):
-        return value.coefficients
-    return _constant(like, np.asarray(value, dtype=float)).coefficients
-
-
-def _constant(like, value):
-    coefficients = np.zeros_like(like.coefficients)
-    coefficients[0] = value
-    return Jet(like.table, coefficients)
