@@ -197,19 +197,14 @@ def _make_flight(table: Table, campaign: Campaign) -> Flight:
 
 def _check_servo_columns(table: Table) -> None:
     """Says what to do where a log lacks the servo, or a part of it."""
-    missing = [name for name in logs.SERVO_COLUMNS if name not in table.columns]
-    if missing == ["elevator_rate_command"]:
-        raise InputError(
-            f"{table.path}: column 'elevator_rate_command' is missing; a log without "
-            "it, or of commanded angles, is read where campaign.yaml has 'columns:' "
-            "(see docs/import.md)."
-        )
-    if missing:
-        raise InputError(
-            f"{table.path}: column '{missing[0]}' is missing; found "
-            f"{show(', '.join(table.columns))}; for a tail that does not move write "
-            "'elevator: fixed' under 'vehicle:' in campaign.yaml."
-        )
+    for name in logs.SERVO_COLUMNS:
+        if name not in table.columns:
+            raise InputError(
+                f"{table.path}: column '{name}' is missing; found "
+                f"{show(', '.join(table.columns))}; expected it, or in campaign.yaml "
+                "'elevator: fixed' under 'vehicle:' (a tail that does not move), or "
+                "'columns:' (commands that were not logged, or as angles)."
+            )
 
 
 def _check_units(

@@ -375,7 +375,7 @@ def read_logs(
     """
     if not mapping.join:
         in_turn = announced(sorted(set(files)), "reading", progress)
-        return [r for f in in_turn for r in _mapped(read_recordings(f), mapping)]
+        return [r for f in in_turn for r in read_recordings(f)]
     parts: dict[str, dict[str, Path]] = {}
     for file in sorted(files):
         pattern = next((p for p in mapping.join if fnmatch.fnmatch(file.name, p)), None)
@@ -396,14 +396,6 @@ def read_logs(
             )
     joined = [parts[key] for key in announced(sorted(parts), "reading", progress)]
     return [_join(found, mapping.join) for found in joined]
-
-
-def _mapped(recordings: list[Recording], mapping: Mapping) -> list[Recording]:
-    """Those with the first column of a position; all if none has: no summary sheet."""
-    place = mapping.columns.get("position", mapping.columns.get("x", ""))
-    stem = place[0] if isinstance(place, list) else str(place)
-    found = [r for r in recordings if any(n.startswith(stem) for n in r.names())]
-    return found or recordings
 
 
 def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:

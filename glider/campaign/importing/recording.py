@@ -77,7 +77,7 @@ Vector = tuple[Group, list[Column]]  # Columns side by side, and their group.
 class Recording:
     """One recording as it was logged, in its own names, units and axes."""
 
-    path: Path  #: Of the file; of a sheet in a workbook: file/sheet.
+    path: Path  #: Of the file; of a part of it: file/part.
     groups: tuple[Group, ...]
     rotation: str | None = None  #: As in `frame: rotation:`; None: the format is open.
     known: Mapping[str, str] = dataclasses.field(default_factory=dict)

@@ -84,17 +84,6 @@ def write_vicon(folder, campaign):
     return [folder / "trial.csv"]
 
 
-def write_parquet(folder, campaign):
-    arrow, parquet = (
-        pytest.importorskip("pyarrow"),
-        pytest.importorskip("pyarrow.parquet"),
-    )
-    [flight] = campaign.flights
-    table = {"t": flight.time, "x": flight.pose[:, 0], "p": list(flight.pose)}
-    parquet.write_table(arrow.table(table), folder / "log.parquet")
-    return [folder / "log.parquet"]
-
-
 def write_bag(folder, campaign):
     writer = pytest.importorskip("rosbags.rosbag1").Writer(folder / "log.bag")
     from rosbags.typesys import Stores, get_typestore
@@ -109,17 +98,9 @@ def write_bag(folder, campaign):
     return [folder / "log.bag"]
 
 
-def write_xlsx(folder, campaign):
-    from tests.campaign.importing.test_new_formats import write_workbook
-
-    return write_workbook(folder / "log.xlsx", campaign)
-
-
 WRITERS = {name: write for name, (write, _) in foreign.FORMATS.items()} | {
     "vicon": write_vicon,
-    "parquet": write_parquet,
     "bag": write_bag,
-    "xlsx": write_xlsx,
 }
 
 

@@ -98,30 +98,6 @@ def test_a_copy_of_a_flight_is_excluded(tmp_path, campaign):
     assert copy.file == "flight_003.csv" and "same rows as flight_000" in copy.why
 
 
-def test_parquet(tmp_path, campaign):
-    arrow = pytest.importorskip("pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    rows, labels = table_of(campaign)
-    columns = dict(zip(NAMES, rows.T, strict=True))
-    path = tmp_path / "throws.parquet"
-    for flight in (None, labels, [f"run {label}" for label in labels]):
-        more = {} if flight is None else {"flight": flight}
-        parquet.write_table(arrow.table(columns | more), path)
-        assert_same(imported(path).campaign, campaign, "parquet")
-
-
-def test_a_sheet_of_a_workbook(tmp_path, campaign):
-    openpyxl = pytest.importorskip("openpyxl")
-    rows, labels = table_of(campaign)
-    book = openpyxl.Workbook()
-    book.active.append([*NAMES, "flight"])
-    for row, label in zip(rows.tolist(), labels, strict=True):
-        book.active.append([*row, label])
-    path = tmp_path / "throws.xlsx"
-    book.save(path)
-    assert_same(imported(path).campaign, campaign, "xlsx")
-
-
 def cells_of(values):
     cells = np.empty(len(values), dtype=object)
     cells[:] = values

@@ -19,19 +19,17 @@ _DATAFLASH = "ArduPilot DataFlash"
 _READERS: dict[str, _Reader] = {
     "PX4 ULog": topics.read_ulog,
     _DATAFLASH: dataflash.read,
+    "C3D": c3d.read,
     "MATLAB .mat": tables.read_mat,
     "MCAP": topics.read_mcap,
     "ROS bag": topics.read_bag,
-    "Parquet": tables.read_parquet,
-    "C3D": c3d.read,
-    "Excel .xlsx": tables.read_workbook,
 }
 """Readers of what is no text, by format."""
 _FORMATS = {suffix: format.name for format in FORMATS for suffix in format.suffixes}
 
 
 def read_recordings(path: Path) -> list[Recording]:
-    """Reads a file of a known format: one recording, or one of each sheet or struct."""
+    """Reads a file of a known format: one recording, or one of each struct."""
     if not path.exists():
         raise InputError(f"{path}: does not exist; expected a log.")
     what = _FORMATS.get(path.suffix.lower(), "")

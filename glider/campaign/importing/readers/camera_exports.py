@@ -130,7 +130,7 @@ def _parse_section(path: Path, rows: _Rows, start: int, end: int) -> Group:
 
 
 def _parse_qtm(path: Path, text: str) -> Recording:
-    """A TSV of QTM: rows of a key and values, perhaps a row of names, numbers in mm.
+    """A TSV of QTM: rows of a key and values, a row of names, and numbers in mm.
 
     The attitude of bodies is their matrix: the meaning of the three angles is a setting
     of QTM. A residual of -1 marks a row in which a body was not seen.
@@ -139,51 +139,29 @@ def _parse_qtm(path: Path, text: str) -> Recording:
     heads = itertools.takewhile(lambda r: not r or _QTM_KEY.fullmatch(r[0]), rows)
     facts = {row[0]: [cell for cell in row[1:] if cell] for row in heads if row}
     first = next((i for i, r in enumerate(rows) if r and r[0] not in facts), None)
-    bodies = facts.get("BODY_NAMES", [])
-    markers = facts.get("MARKER_NAMES", [])
-    if first is None or not (bodies or markers):
-        kind = ", ".join(facts.get("DATA_INCLUDED", [])) or "no data"
+    bodies = facts.get("BODY_NAMES", []) + facts.get("MARKER_NAMES", [])
+    if first is None or not bodies or math.isfinite(to_float(rows[first][0])):
         raise InputError(
-            f"{path}: is a TSV of QTM with {kind}; expected an export of 6D or 3D data "
-            "with its header and rows."
+            f"{path}: is a TSV of QTM without 6D or 3D data, or without the row of "
+            "their names; expected an export with its header, column names and rows."
         )
     angles = facts.get("BODY_EULER_NAMES", _QTM_ANGLES)
-    names = rows[first]
-    if math.isfinite(to_float(names[0])):  # The names are omitted.
-        names = _qtm_names(rows[first:], bodies, markers, angles)
-    else:
-        first += 1
     unit_of = dict.fromkeys("XYZ", "mm") | dict.fromkeys(angles, "deg") | {_TIME: "s"}
     owner = ""
     full = []
     units = []
-    for cell in names:
+    for cell in rows[first]:
         before, _, part = cell.rpartition(" ")
         owner = before or owner
         full.append(f"{owner} {part}" if cell and owner else cell)
         units.append(unit_of.get(part))
-    data = number_rows(rows, first)
+    data = number_rows(rows, first + 1)
     columns = _make_columns(data, full, units)
     if _TIME not in columns:
         columns[_TIME] = _times(path, facts.get("FREQUENCY", ["missing"]), len(data))
-    for body in (*bodies, *markers):
+    for body in bodies:
         _name_vectors(body, columns)
     return Recording(path, (Group("", columns, _TIME),), up="z")
-
-
-def _qtm_names(
-    rows: _Rows, bodies: list[str], markers: list[str], angles: list[str]
-) -> list[str]:
-    """Names of the columns of rows that have no names above them."""
-    names = []
-    for body in bodies:
-        parts = ("X", "Y", "Z", *angles, "Residual", *_QTM_MATRIX)
-        names += [f"{body} {part}" for part in parts]
-    for marker in markers:
-        names += [f"{marker} {axis}" for axis in "XYZ"]
-    ends_in_tab = all(row[-1:] in ([], [""]) for row in rows)
-    before = len(rows[0]) - ends_in_tab - len(names)
-    return ["Frame", _TIME][: max(before, 0)] + names
 
 
 def _name_vectors(body: str, columns: _Columns) -> None:

@@ -5,10 +5,8 @@ which are found here, and do not give the line of a bad cell.
 """
 
 import datetime
-import gzip
 import math
 import re
-import zlib
 from collections.abc import Sequence
 from itertools import repeat
 from pathlib import Path
@@ -38,7 +36,6 @@ _CLOCK = re.compile(r"(-?)(?:(\d+):)?(\d\d?):(\d\d?)(?:[.,](\d+)|:(\d{3}))?")
 """h:mm:ss.fff, mm:ss.fff or h:mm:ss:ms, as of videos."""
 _FRAMES = re.compile(r"\d:\d\d:\d\d:\d")  # hh:mm:ss:ff, the last counts frames.
 _MIN_ROWS = 3
-_DAY_ZERO = datetime.datetime(1970, 1, 1)
 
 _Rows = Sequence[Sequence[str]]
 NumberedRows = Sequence[tuple[int, Sequence[str]]]
@@ -46,19 +43,18 @@ NumberedRows = Sequence[tuple[int, Sequence[str]]]
 
 
 def decode(path: Path) -> str:
-    """Text of a file in UTF-8, UTF-16 or Windows' Western code page, or in gzip."""
+    """Text of a file in UTF-8, UTF-16 or Windows' Western code page."""
     try:
         data = path.read_bytes()
-        data = gzip.decompress(data) if path.suffix == ".gz" else data
-    except (OSError, EOFError, zlib.error) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+    except OSError as error:
+        reason = error.strerror or str(error)
         raise InputError(f"{path}: cannot be read: {reason}.") from None
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace")
     if b"\0" in data[:4096]:
         raise InputError(
             f"{path}: not a text file, and its name ends in no known format; "
-            f"expected {', '.join(SUFFIXES)}."
+            f"expected {', '.join(SUFFIXES)} (convert any other to CSV)."
         )
     try:
         return data.decode("utf-8-sig")
@@ -67,18 +63,7 @@ def decode(path: Path) -> str:
 
 
 def parse(path: Path, text: str) -> Recording:
-    """Parses the one table of a text; see `parse_rows`."""
-    lines = text.splitlines()
-    while lines and not re.search(r"\d", lines[-1]):  # Empty cells, or a last word.
-        lines.pop()
-    rows = split_rows(lines, _find_delimiter(lines))
-    if all(not row or row[-1] == "" for row in rows):  # A separator ends each line.
-        rows = [row[:-1] for row in rows]
-    return parse_rows(path, rows)
-
-
-def parse_rows(path: Path, rows: _Rows) -> Recording:
-    """Parses rows of cells, their header included; decimals may have a comma.
+    """Parses the one table of a text, its header included; decimals may have a comma.
 
     The header is what stands before the first of the rows of numbers: its last row
     has the names, unless that is a row of units. A unit may also stand in a name:
@@ -86,6 +71,12 @@ def parse_rows(path: Path, rows: _Rows) -> Recording:
     the row above, before them: "Position.x". A header may stand again between rows.
     A # before the first name may stand apart, and the header have its own separator.
     """
+    lines = text.splitlines()
+    while lines and not re.search(r"\d", lines[-1]):  # Empty cells, or a last word.
+        lines.pop()
+    rows = split_rows(lines, _find_delimiter(lines))
+    if all(not row or row[-1] == "" for row in rows):  # A separator ends each line.
+        rows = [row[:-1] for row in rows]
     first = _first_data_row(rows)
     if first is None:
         raise InputError(
@@ -175,8 +166,6 @@ def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Colu
 
 def as_text(value: Any) -> str:
     """Text of a cell; a date, or a time of a day, in ISO 8601."""
-    if isinstance(value, datetime.timedelta):  # A time beyond 24 h.
-        value = _DAY_ZERO + value
     return value.isoformat() if hasattr(value, "isoformat") else str(value).strip()
 
 

@@ -94,7 +94,7 @@ def read_bag(path: Path) -> Recording:
 
 
 def read_mcap(path: Path) -> Recording:
-    """Reads messages in JSON, protobuf, or those of ROS 1 and 2."""
+    """Reads messages in JSON, or those of ROS 1 and 2."""
     reader = need("mcap.reader", path)
     topics = _Topics()
     decoders: dict[int, _Decoder | None] = {}
@@ -106,7 +106,7 @@ def read_mcap(path: Path) -> Recording:
             if decode is None:
                 topics.unread[channel.topic] = (
                     f"its messages, in {channel.message_encoding}, cannot be read; "
-                    "expected json, protobuf, cdr or ros1"
+                    "expected json, cdr or ros1"
                 )
             else:
                 topics.add(channel.topic, message.log_time, decode(message.data))
@@ -118,9 +118,6 @@ def _make_decoder(schema: Any, channel: Any, path: Path) -> _Decoder | None:
     encoding = channel.message_encoding
     if encoding == "json":
         return json.loads
-    if encoding == "protobuf":
-        decoder = need("mcap_protobuf.decoder", path).DecoderFactory()
-        return decoder.decoder_for(encoding, schema)
     if encoding not in ("cdr", "ros1") or schema.encoding not in ("ros2msg", "ros1msg"):
         return None
     typesys = need("rosbags.typesys", path)
@@ -197,11 +194,9 @@ def _fields(message: object) -> dict[str, Any]:
     """The fields of a message by name; none of a number or an array."""
     if isinstance(message, dict):
         return message
-    if dataclasses.is_dataclass(message) or hasattr(message, "DESCRIPTOR"):
-        protobuf = getattr(message, "DESCRIPTOR", None)
-        known = protobuf.fields if protobuf else dataclasses.fields(message)  # type: ignore[arg-type]
-        names = [field.name for field in known if not field.name.startswith("__")]
-        return {name: getattr(message, name) for name in names}
+    if dataclasses.is_dataclass(message):
+        names = [field.name for field in dataclasses.fields(message)]
+        return {n: getattr(message, n) for n in names if not n.startswith("__")}
     return {}
 
 
