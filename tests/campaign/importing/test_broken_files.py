@@ -34,7 +34,7 @@ def refusal(path, text):
 
 def test_a_vicon_export_of_few_rows(tmp_path):
     message = refusal(tmp_path / "a.csv", "Objects\n200\n")
-    assert "five header rows" in message
+    assert "whole header" in message
 
 
 def test_a_motive_export_whose_trailing_commas_were_trimmed(tmp_path):
@@ -211,7 +211,7 @@ def test_angles_beside_a_rotation_of_four_numbers(tmp_path, campaign):
     lines = file.read_bytes().decode("cp1252").splitlines()
     ends = ["", ";x0;r;w", ";;;", *[";0,0;0,0;0,0"] * (len(lines) - 3)]
     file.write_text("\n".join(a + b for a, b in zip(lines, ends, strict=True)))
-    with pytest.raises(InputError, match="meaning of its three angles is unknown"):
+    with pytest.raises(InputError, match="meaning of its three angles"):
         read_flights([file], path)
     path.write_text(path.read_text().replace(", rotation: wxyz", ""))
     assert len(read_flights([file], path).campaign.flights) == 1
@@ -237,7 +237,7 @@ def test_a_quaternion_that_is_none_is_not_seen(value):
     columns = {
         f"q.{axis}": Column(values=v) for axis, v in zip("xyzw", rows.T, strict=True)
     }
-    columns |= {f"p.{axis}": Column(values=np.arange(9.0)) for axis in "xyz"}
+    columns |= {f"p.{axis}": Column(values=np.arange(1.0, 10.0)) for axis in "xyz"}
     columns["t"] = Column(values=np.arange(9.0) / 5)
     recording = Recording(path=Path("a"), groups=(Group(name="", columns=columns),))
     fields = {"columns": {"position": "p", "attitude": "q", "time": "t"}}
@@ -251,7 +251,7 @@ def test_a_long_gap_of_the_pitch_is_not_interpolated():
     time = np.arange(60) / 100.0
     pitch = np.sin(9.0 * time)
     pitch[20:45], pitch[50] = np.nan, np.nan
-    columns = {"t": time, "x": 5.0 * time, "z": -time, "theta": pitch}
+    columns = {"t": time, "x": 5.0 * time - 9.0, "z": -time, "theta": pitch}
     group = Group(name="", columns={n: Column(values=v) for n, v in columns.items()})
     fields = {"columns": {"time": "t", "x": "x", "z": "z", "pitch": "theta"}}
     mapping = schema.convert(fields, Settings, "MAP").mapping("MAP")

@@ -66,7 +66,7 @@ def test_a_column_of_flights(tmp_path, campaign, words, step):
     assert_same(result.campaign, campaign, "csv")
     first = words.format(3)
     assert str(result.recordings[0].path) == f"{path}/flight {first}"
-    [line] = result.describe(details=False).splitlines()
+    [line] = result.describe().splitlines()
     assert line == f"{path}: 3 flights of 3 parts, {len(rows)} rows"
 
 

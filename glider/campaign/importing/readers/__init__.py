@@ -37,7 +37,7 @@ def read_recordings(path: Path) -> list[Recording]:
         if not (path / "metadata.yaml").is_file():
             raise InputError(f"{path}: is a folder; expected a file, or a ROS 2 bag.")
         what = "ROS bag"
-    elif what not in _READERS or what == _DATAFLASH:  # A .log may be any text.
+    elif what in ("", _DATAFLASH):  # A .log may be any text.
         what = _DATAFLASH if dataflash.is_one(path) else "CSV"
     if what not in _READERS:
         text = delimited.decode(path)

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 
 from glider.campaign.importing.readers import delimited
 from glider.campaign.importing.recording import Column, Group, Recording, need
@@ -23,9 +22,8 @@ def to_columns(name: str, values: Any) -> dict[str, Column]:
     """
     array = np.asarray(values)
     if isinstance(values, np.ma.MaskedArray):
-        missing = np.datetime64("NaT") if array.dtype.kind in "mM" else np.nan
-        kind = float if array.dtype.kind in "iub" else array.dtype
-        array = np.where(np.ma.getmaskarray(values), missing, array.astype(kind))
+        known: Any = values.astype(float) if values.dtype.kind in "iub" else values
+        array = known.filled("NaT" if values.dtype.kind in "mM" else np.nan)
     if array.dtype.kind in "mM":
         return {name: Column((array - array[:1]) / np.timedelta64(1, "s"), "s")}
     if array.dtype.kind in "fiub":
@@ -42,7 +40,7 @@ def read_mat(path: Path) -> list[Recording]:
     are in none belong to all. SciPy, which is there anyway, reads all versions but 7.3.
     """
     try:
-        content = scipy.io.loadmat(path, simplify_cells=True)
+        content = need("scipy.io", path).loadmat(path, simplify_cells=True)
     except NotImplementedError:  # Of version 7.3, says SciPy.
         with warnings.catch_warnings(action="ignore"):
             content = need("pymatreader", path).read_mat(path)
