@@ -42,13 +42,13 @@ def run(kind: str, flights: int, seed: int, motive: bool) -> tuple[float, float]
         else:
             files, path = write(Path(folder), campaign, "two clocks")
         try:
-            [*recordings] = read_flights(files, path).recordings
+            imported = read_flights(files, path)
         except InputError:
             return np.nan, np.nan
-    [note] = {n for r in recordings for n in r.notes if n.startswith("clock")}
+    [note] = {n for r in imported.recordings for n in r.notes if n.startswith("clock")}
     offset = float(note.partition(" is ")[2].partition(" ")[0])
     true = foreign.AHEAD if motive else AHEAD
-    return offset - true, recordings[0].servo.clock_std
+    return offset - true, imported.campaign.servo.clock_std
 
 
 def main(draws: int) -> None:

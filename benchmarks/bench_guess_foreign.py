@@ -24,7 +24,6 @@ from benchmarks.bench_guess import _MOTIVE, turns
 from benchmarks.thrown_gliders import KINDS, Take, draw_glider, fly
 from glider.campaign.importing.campaign_import import ImportResult, read_flights
 from glider.campaign.importing.guess import guess_mapping
-from glider.campaign.importing.selection import ServoLogs
 from glider.campaign.importing.track import Track, angles_of, turn_along
 from glider.errors import InputError
 
@@ -185,10 +184,7 @@ def text_of(
                 time=take.time,
                 position=take.position,
                 rotation=take.rotation.as_matrix(),
-                pitch=None,
                 along_throw=True,
-                clock="",
-                servo=ServoLogs(),
             )
             angle, _ = angles_of(turn_along(flat))
             names += [a + ul for a in axes] + [pitch + ua]
@@ -291,10 +287,7 @@ def compare(
                 time=take.time[rows],
                 position=take.position[rows],
                 rotation=take.rotation[rows].as_matrix(),
-                pitch=None,
                 along_throw=True,
-                clock="",
-                servo=ServoLogs(),
             )
         )
         pitch, _ = angles_of(true)

@@ -158,7 +158,7 @@ def judge(source: Source, case: Case, folder: Path, *, trace: bool) -> tuple[str
         imported = read(files, folder / "MAP.yaml", wrong)
     except InputError as error:
         return "refused", str(error).replace(f"{folder}/", "")
-    warned = "; ".join(imported.undecided)
+    warned = "; ".join(imported.campaign.notes)
     if not trace:
         return "accepted", warned
     try:

@@ -6,7 +6,6 @@ MAP. `benchmarks.bench_conversions` imports them all.
 
 import dataclasses
 import datetime
-import gzip
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -252,16 +251,6 @@ def k_milliseconds(folder: Path, campaign: Campaign) -> Written:
     return each(folder, campaign, make), PLAIN + "units: {time: ms}\n"
 
 
-def gz_csv(folder: Path, campaign: Campaign) -> Written:
-    """CSV in gzip."""
-    files = []
-    for file in each(folder, campaign, lambda f: text_of(table_of(f))):
-        files.append(file.with_suffix(".csv.gz"))
-        files[-1].write_bytes(gzip.compress(file.read_bytes()))
-        file.unlink()
-    return files, PLAIN
-
-
 # ------------------------------------------------------- many flights in one table
 
 
@@ -464,101 +453,6 @@ def c_ros2(folder: Path, campaign: Campaign) -> Written:
     )
 
 
-def _workbook(path: Path, sheets: dict[str, list[list]]) -> Path:
-    import openpyxl
-
-    book = openpyxl.Workbook()
-    book.remove(book.active)
-    for name, rows in sheets.items():
-        sheet = book.create_sheet(name)
-        for row in rows:
-            sheet.append(row)
-    book.save(path)
-    return path
-
-
-def _rows(table: Table) -> list[list]:
-    return [list(row) for row in zip(*map(_plain, table.values()), strict=True)]
-
-
-def _plain(values: Iterable) -> list:
-    return [v if isinstance(v, (str, datetime.datetime)) else float(v) for v in values]
-
-
-def g_files(folder: Path, campaign: Campaign) -> Written:
-    """A workbook for each flight."""
-    files = []
-    for k, flight in enumerate(campaign.flights):
-        rows = [list(NAMES), *_rows(table_of(flight))]
-        files.append(_workbook(folder / f"log_{k:02d}.xlsx", {"Sheet1": rows}))
-    return files, PLAIN
-
-
-def g_sheets(folder: Path, campaign: Campaign) -> Written:
-    """A sheet for each flight, with a title over merged cells and a row of units."""
-    import openpyxl
-
-    head = [["Throws of May", *[None] * 5], ["pose", None, None, None, "servo", None]]
-    head += [list(NAMES), ["s", "m", "m", "rad", "rad", "rad/s"]]
-    sheets = {"Notes": [["calm day"]]} | {
-        f"Throw {k}": [*head, *_rows(table_of(flight))]
-        for k, flight in enumerate(campaign.flights)
-    }
-    path = _workbook(folder / "throws.xlsx", sheets)
-    book = openpyxl.load_workbook(path)
-    for sheet in book.worksheets[1:]:
-        sheet.merge_cells("A1:F1")
-        sheet.merge_cells("A2:D2")
-        sheet.merge_cells("E2:F2")
-    book.save(path)
-    return [path], PLAIN
-
-
-def g_dates(folder: Path, campaign: Campaign) -> Written:
-    """Excel's dates for times, in one sheet with a column of flights."""
-    table = below(campaign, 30.0)
-    begin = BEGIN.replace(tzinfo=None)
-    at = [begin + datetime.timedelta(seconds=float(t)) for t in table["time"]]
-    labels = {"Flight": labels_of(campaign)}
-    rows = [[*NAMES, "Flight"], *_rows(table | {"time": at} | labels)]
-    path = _workbook(folder / "throws.xlsx", {"Sheet1": rows})
-    return [path], PLAIN.replace("}", ", flight: Flight}")
-
-
-def _parquet(path: Path, table: Table) -> Path:
-    import pyarrow as arrow
-    from pyarrow import parquet
-
-    parquet.write_table(arrow.table({k: list(v) for k, v in table.items()}), path)
-    return path
-
-
-def h_files(folder: Path, campaign: Campaign) -> Written:
-    """Parquet for each flight."""
-    numbered = enumerate(campaign.flights)
-    files = [_parquet(folder / f"{k:02d}.parquet", table_of(f)) for k, f in numbered]
-    return files, PLAIN
-
-
-def h_column(folder: Path, campaign: Campaign) -> Written:
-    """One Parquet file with a column of flights, as pandas' concat makes it."""
-    labels = {"flight": [int(label) for label in labels_of(campaign)]}
-    return [_parquet(folder / "a.parquet", below(campaign) | labels)], PLAIN
-
-
-def h_stamps(folder: Path, campaign: Campaign) -> Written:
-    """One Parquet file with instants of time in a zone, nanoseconds."""
-    import pyarrow as arrow
-    from pyarrow import parquet
-
-    table: dict = below(campaign, 30.0)
-    ticks = np.round(1e9 * (table["time"] + 1.7e9 % 1.0)).astype(np.int64)
-    table["time"] = arrow.array(ticks, arrow.timestamp("ns", tz="Europe/Berlin"))
-    table["flight"] = labels_of(campaign)
-    parquet.write_table(arrow.table(table), folder / "a.parquet")
-    return [folder / "a.parquet"], PLAIN
-
-
 # --------------------------------------------------------------------------- cameras
 
 
@@ -597,11 +491,6 @@ def vicon(folder: Path, campaign: Campaign) -> Written:
     )
 
 
-def c3d_markers(folder: Path, campaign: Campaign) -> Written:
-    """C3D with markers, one row unseen; the servo on analog channels."""
-    return foreign.write_c3d(folder, campaign), foreign.MAP_C3D
-
-
 def ulog(folder: Path, campaign: Campaign) -> Written:
     """PX4's topics in NED; only commanded angles."""
     return foreign.write_ulog(folder, campaign), foreign.MAP_ULOG
@@ -621,6 +510,11 @@ def ulog_session(folder: Path, campaign: Campaign) -> Written:
     return foreign.write_ulog(folder, whole), foreign.MAP_ULOG
 
 
+def c3d_markers(folder: Path, campaign: Campaign) -> Written:
+    """C3D with markers, one row unseen; the servo on analog channels."""
+    return foreign.write_c3d(folder, campaign), foreign.MAP_C3D
+
+
 FORMS: dict[str, tuple[Callable[[Path, Campaign], Written], int | None]] = {
     "a: NED, mm, deg, ms, nose up, TE down": (a_ned, None),
     "b: .mat v5": (b_mat_v5, None),
@@ -633,12 +527,6 @@ FORMS: dict[str, tuple[Callable[[Path, Campaign], Written], int | None]] = {
     "d: quaternions": (d_quaternions, None),
     "e: Motive, servo on another clock": (e_motive, None),
     "f: ten throws in one recording": (f_recording, 10),
-    "g: xlsx files": (g_files, None),
-    "g: xlsx sheets, titles, merged cells": (g_sheets, None),
-    "g: xlsx, dates, one sheet": (g_dates, None),
-    "h: Parquet files": (h_files, None),
-    "h': one Parquet": (h_column, None),
-    "h: one Parquet, stamps in a zone": (h_stamps, None),
     "i: German CSV in cp1252": (i_german, None),
     "i: BOM, CRLF, empty rows": (i_bom, None),
     "j: comments, units row": (j_comments, None),
@@ -649,13 +537,11 @@ FORMS: dict[str, tuple[Callable[[Path, Campaign], Written], int | None]] = {
     "m: pitch 0 to 360, nose up": (m_turns, None),
     "m': pitch off by half a turn": (m_half_a_turn, None),
     "Vicon CSV and servo CSV": (vicon, None),
-    "C3D markers": (c3d_markers, None),
     "ULog files": (ulog, None),
     "ULog of a session": (ulog_session, 10),
     "one CSV, column of flights": (many_flight_column, None),
     "one CSV, time restarts": (many_restarts, None),
     "one CSV, blank rows and names again": (many_blank_rows, None),
     "CSV padded with empty cells": (many_columns, None),
-    "CSV in gzip": (gz_csv, None),
 }
 """What writes a form, and how many of the flights."""

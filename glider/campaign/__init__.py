@@ -1,8 +1,9 @@
 """Flights in and out: folders of logs, read, checked and written; motion capture.
 
-logs: `Campaign` and `Flight` in memory. reader, settings, flight_table: a folder, its
-campaign.yaml, the columns of its flights. writer: the way back. samples: campaigns
-that ship. importing: logs of other software. checks: are the logs right? turning:
-angles with the other sign. smoothing: splines and their noise. motion_capture: logs of
-simulated flights.
+logs: `Campaign` and `Flight` in memory. Files and tables of any kind are recordings
+(`importing`). reader, settings: a folder and its campaign.yaml; in_memory: arrays and
+data frames; importing: logs of other software. flights makes flights of recordings,
+writer files of flights. samples: campaigns that ship. checks: are the logs right?
+turning: angles with the other sign. smoothing: splines and their noise. motion_capture:
+logs of simulated flights.
 """

@@ -5,38 +5,30 @@ anything with named columns.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from glider.campaign.flight_table import Table, with_flights
 from glider.campaign.importing.readers.tables import to_columns
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
-from glider.campaign.reader import map_flights
+from glider.campaign.reader import make_campaign
 from glider.campaign.settings import QUANTITIES, Settings
 from glider.errors import InputError, expect
 from glider.files import schema
 
 
-def from_arrays(
-    flights: Sequence[Any] | Mapping[Any, Any],
-    vehicle: Any,
-    name: str,
-    fields: dict[str, Any],
+def from_tables(
+    tables: Any, vehicle: Any, name: str, fields: dict[str, Any]
 ) -> Campaign:
     """Makes a campaign; see `Campaign.from_arrays`."""
+    several = np.iterable(tables) and not isinstance(tables, str)
     expected = "a list of tables of one flight each, or a dict of them by name"
-    if isinstance(flights, Mapping):  # Of tables, or the columns of one?
-        several = not flights or any(_names_of(t) is not None for t in flights.values())
-    else:
-        iterable = np.iterable(flights) and not isinstance(flights, str)
-        several = iterable and _names_of(flights) is None
-    expect(several, "flights", flights, expected)
-    named = flights if isinstance(flights, Mapping) else dict(enumerate(flights))
+    expect(several, "flights", tables, expected)
+    named = tables if isinstance(tables, Mapping) else dict(enumerate(tables))
     recordings = [_recording(_file_name(key), table) for key, table in named.items()]
     return _campaign(recordings, vehicle, name, fields)
 
@@ -46,9 +38,8 @@ def from_frame(
 ) -> Campaign:
     """Makes a campaign; see `Campaign.from_frame`."""
     columns = (fields.get("columns") or {}) | ({"flight": flight} if flight else {})
-    parts = split_flights(_recording(name, frame), columns)
     recordings = []
-    for k, part in enumerate(parts):
+    for k, part in enumerate(split_flights(_recording(name, frame), columns)):
         what, _, label = part.path.name.partition(" ")
         path = Path(_file_name(label if what == "flight" else k))
         recordings.append(Recording(path, part.groups))
@@ -56,7 +47,7 @@ def from_frame(
 
 
 def _campaign(
-    recordings: Sequence[Recording], vehicle: Any, name: str, fields: dict[str, Any]
+    recordings: list[Recording], vehicle: Any, name: str, fields: dict[str, Any]
 ) -> Campaign:
     """A campaign of recordings of one flight each."""
     if not recordings:
@@ -66,12 +57,8 @@ def _campaign(
         own = recordings[0].names()
         data["columns"] = {name: name for name in QUANTITIES if name in own}
     settings = schema.convert(schema.to_builtins(data), Settings, name)
-    campaign = settings.campaign(Path(name))
-    mapping = settings.mapping(name)
     logs = sorted(recordings, key=lambda recording: recording.path)
-    if mapping is None:
-        return with_flights(campaign, [_table(recording) for recording in logs])
-    return map_flights(campaign, mapping, logs)
+    return make_campaign(settings.campaign(Path(name)), settings.mapping(name), logs)
 
 
 def _known(vehicle: Any) -> dict[str, Any]:
@@ -96,35 +83,26 @@ def _file_name(key: object) -> str:
 def _recording(name: str, table: Any) -> Recording:
     """A table's columns; matrices become name[0], name[1]."""
     names = _names_of(table)
-    expected = "a table with named columns, as a dict or a data frame"
+    expected = "a table of a flight with named columns, as a dict or a data frame"
     expect(names is not None, name, table, expected)
     columns: dict[str, Column] = {}
     for own in names:
         columns |= to_columns(str(own), table[own])
-    rows = {own: len(column.values) for own, column in columns.items()}
-    first = next(iter(rows), "")
-    for own, count in rows.items():
-        if count != rows[first]:
+    first = next(iter(columns), "")
+    for own, column in columns.items():
+        rows = len(columns[first].values)
+        if len(column.values) != rows:
             raise InputError(
-                f"{name}: column '{own}' has {count} values; expected "
-                f"{rows[first]}, as in '{first}'."
+                f"{name}: column '{own}' has {len(column.values)} values; expected "
+                f"{rows}, as in '{first}'."
             )
     return Recording(Path(name), (Group("", columns),))
 
 
 def _names_of(table: Any) -> Any:
     """Names of a table's columns; None of what is no table."""
+    if isinstance(table, Mapping):
+        return table.keys()
     names = getattr(getattr(table, "dtype", None), "names", None)
     names = names or getattr(table, "column_names", None)
-    if names is None:
-        is_dict = isinstance(table, Mapping)
-        names = table.keys() if is_dict else getattr(table, "columns", None)
-    return names
-
-
-def _table(recording: Recording) -> Table:
-    """The table of a recording, whose columns are those of a campaign's files."""
-    [group] = recording.groups
-    columns = {name: c.labels or c.values for name, c in group.columns.items()}
-    rows = max((len(column) for column in columns.values()), default=0)
-    return Table(path=recording.path, columns=columns, lines=range(rows))
+    return getattr(table, "columns", None) if names is None else names

@@ -127,7 +127,7 @@ class Campaign:
         Raises:
             InputError: a flight cannot be used; it is named, and the column.
         """
-        return _in_memory().from_arrays(flights, vehicle, name, settings)
+        return _in_memory().from_tables(flights, vehicle, name, settings)
 
     @classmethod
     def from_frame(
@@ -231,6 +231,5 @@ def split_flights(
     num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)
     order = np.random.default_rng(seed).permutation(count)
     flights = sorted(campaign.flights, key=lambda flight: flight.name)
-    parts = (sorted(order[num_held_out:]), sorted(order[:num_held_out]))
-    fit, held_out = (tuple(flights[i] for i in rows) for rows in parts)
-    return fit, held_out
+    held_out = tuple(flights[i] for i in sorted(order[:num_held_out]))
+    return tuple(flights[i] for i in sorted(order[num_held_out:])), held_out

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from glider.campaign.logs import Flight
+from glider.campaign.turning import signs_of
 from glider.errors import InputError, expect
 from glider.physics.held_commands import latest_command
 from glider.physics.model import GliderModel
@@ -77,14 +78,11 @@ class MotionCapture:
         shown = model.chain.measure(seen.T, model.numbers)
         noise = self.draw(rng, len(time))
         begins, rates = commands
-        signs = {"elevator": 1.0, "command": 1.0}  # The pitch has its sign already.
-        for effect in model.effects:
-            if effect.kind.stage == "log":
-                signs |= effect.to_dict()
+        signs = signs_of(model)  # The pitch has its sign already.
         return Flight(
             name=name,
             time=time,
             pose=np.stack(shown, axis=1) + noise[:, _POSE],
-            elevator=signs["elevator"] * (seen[:, ELEVATOR] + noise[:, -1]),
-            command=signs["command"] * rates[latest_command(begins, time)],
+            elevator=signs.elevator * (seen[:, ELEVATOR] + noise[:, -1]),
+            command=signs.command * rates[latest_command(begins, time)],
         )

@@ -10,7 +10,8 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from glider.campaign.flight_table import read_table, with_flights
+from glider.campaign.flights import with_flights
+from glider.campaign.importing.readers import read_recording
 from glider.campaign.importing.recording import Recording
 from glider.campaign.logs import Campaign
 from glider.campaign.samples import HOW_TO_IMPORT, campaign_folder
@@ -43,25 +44,24 @@ def load_campaign(
             f"expected a folder with campaign.yaml and flight_*.csv ({HOW_TO_IMPORT})."
         )
     campaign, mapping = read_settings(file)
-    files = [path / name for name in _choose(path, flights)]
-    if mapping is None:
-        return with_flights(campaign, [read_table(file) for file in files])
-    from glider.campaign.importing.readers import read_recording
-
-    return map_flights(campaign, mapping, [read_recording(file) for file in files])
+    logs = [read_recording(path / name) for name in _choose(path, flights)]
+    return make_campaign(campaign, mapping, logs)
 
 
-def map_flights(
-    campaign: Campaign, mapping: Mapping, recordings: Sequence[Recording]
+def make_campaign(
+    campaign: Campaign, mapping: Mapping | None, recordings: Sequence[Recording]
 ) -> Campaign:
-    """Adds flights, one in each recording, as a mapping specifies; checks signs."""
+    """Adds flights, one in each recording, in its own columns or as a mapping says."""
+    if mapping is None:
+        return with_flights(campaign, recordings)
     # SciPy's rotations are slow to import: only where there is a mapping.
     from glider.campaign.checks.frame import check_signs
     from glider.campaign.importing.campaign_import import map_flight
 
     mapped = [map_flight(recording, mapping, campaign) for recording in recordings]
     campaign = dataclasses.replace(campaign, servo=mapped[0][1])
-    campaign = with_flights(campaign, [table for table, _ in mapped])
+    names = [recording.path.name for recording in recordings]
+    campaign = with_flights(campaign, [made for made, _ in mapped], names)
     check_signs(campaign)
     return campaign
 
@@ -74,9 +74,9 @@ def _choose(folder: Path, flights: Sequence[str] | None) -> list[str]:
     if flights is None:
         return sorted(found)
     chosen = {name.removesuffix(".csv") + ".csv" for name in flights}
-    if unknown := chosen - found:
+    for unknown in sorted(chosen - found):
         raise InputError(
-            f"{folder}: flight {show(min(unknown))} is not in this folder; "
+            f"{folder}: flight {show(unknown)} is not in this folder; "
             f"expected the name of one of its {len(found)} flights."
         )
     if not chosen:

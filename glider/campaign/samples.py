@@ -3,6 +3,7 @@
 They are packed, and unpacked into the user's cache folder, once for each content.
 """
 
+import contextlib
 import hashlib
 import shutil
 import tempfile
@@ -80,16 +81,11 @@ def _unpacked(archive: Path) -> Path:
     """Folder of a sample, which is unpacked once."""
     digest = hashlib.sha256(archive.read_bytes()).hexdigest()[:12]
     place = cache_folder() / _FOLDER / digest / archive.stem
-    if place.is_dir():
-        return place
-    place.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as part:
-        with zipfile.ZipFile(archive) as packed:
-            packed.extractall(part)
-        [file] = Path(part).rglob("campaign.yaml")
-        try:
-            file.parent.rename(place)
-        except OSError:
-            if not place.is_dir():  # Another process may have done the same.
-                raise
+    if not place.is_dir():
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as part:
+            shutil.unpack_archive(archive, part)
+            [file] = Path(part).rglob("campaign.yaml")
+            with contextlib.suppress(OSError):  # Another process may have been faster.
+                file.parent.rename(place)
     return place

@@ -4,14 +4,13 @@ A mapping: which columns of a log are which quantities, in which units and axes.
 """
 
 import dataclasses
-import itertools
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from glider.campaign.importing.recording import Unit, scale_of
+from glider.campaign.importing.recording import UNITS, Unit, scale_of
 from glider.campaign.logs import Campaign, ServoLog
 from glider.errors import InputError, expect, printable, show
 from glider.files import schema
@@ -76,37 +75,12 @@ class Markers:
             raise InputError(f"{one}; expected both, or neither.")
 
 
-def _check_units(units: object) -> None:
-    """Raises InputError where a unit is none of the quantity's kind."""
-    for name, unit in _given(units).items():
-        scale_of(unit, QUANTITIES.get(name, name), f"units: {name}")
-
-
-def _schema(name: str, fields: dict[str, Any], **methods: Any) -> type:
-    """Schema of fields that may be missing, by name and type."""
-    optional = [(field, kind | None, None) for field, kind in fields.items()]
-    return dataclasses.make_dataclass(
-        name, optional, namespace=methods, frozen=True, kw_only=True
-    )
-
-
-if TYPE_CHECKING:
-    Columns: TypeAlias = Any
-    Units: TypeAlias = Any
-    KnownParameters: TypeAlias = Any
-else:
-    KnownParameters = _schema("KnownParameters", dict.fromkeys(PARAMETER_NAMES, float))
-    Columns = _schema(
-        "Columns",
-        dict.fromkeys(QUANTITIES, str)
-        | dict.fromkeys(("time", "position"), Names)
-        | {"attitude": Names | Markers, "flight": str},
-    )
-    Units = _schema(
-        "Units",
-        dict.fromkeys((*QUANTITIES.values(), *QUANTITIES), Unit),
-        __post_init__=_check_units,
-    )
+_Known: Any = dataclasses.make_dataclass(
+    "_Known",
+    [(name, float | None, None) for name in PARAMETER_NAMES],
+    frozen=True,
+    kw_only=True,
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -135,22 +109,17 @@ class Frame:
             if not getattr(self, name) and name != "pitch":
                 object.__setattr__(self, name, value)
         for name, (values, meaning) in FRAME_CHOICES.items():
-            value = getattr(self, name)
-            known = not value or value in values
+            value = getattr(self, name) or values[0]
             expected = f"{meaning}, one of {', '.join(values)}"
-            expect(known, f"frame: field '{name}'", value, expected)
-        euler = self.rotation and sorted(self.rotation.upper()) == ["X", "Y", "Z"]
-        known = euler or self.rotation in (None, *_ROTATIONS)
+            expect(value in values, f"frame: field '{name}'", value, expected)
+        turn = self.rotation or "wxyz"
+        known = turn in _ROTATIONS or "".join(sorted(turn)) in ("XYZ", "xyz")
         expected = f"an order of Euler angles, as ZYX, or {', '.join(_ROTATIONS)}"
-        expect(known, "frame: field 'rotation'", self.rotation, expected)
+        expect(known, "frame: field 'rotation'", turn, expected)
         for one, other in (("up", "forward"), ("nose", "top")):
-            a = getattr(self, one)
-            b = getattr(self, other)
-            if b and a[-1] == b[-1]:
-                raise InputError(
-                    f"frame: '{one}' is {show(a)} and '{other}' is {show(b)}; "
-                    "expected two different axes."
-                )
+            axes = [getattr(self, one), getattr(self, other) or "throw"]
+            what = f"frame: [{one}, {other}]"
+            expect(axes[0][-1] != axes[1][-1], what, axes, "two different axes")
         point = self.tracked_point
         expected = "[ahead, above] of the mass center in m"
         known = len(point) == 2 and all(map(math.isfinite, point))
@@ -190,43 +159,14 @@ class Mapping:
     join: tuple[str, ...]  #: Patterns of files that make one recording.
 
 
-def _check_columns(columns: dict[str, Any], source: str) -> None:
-    """Refuses columns that would be ignored, or that are one column."""
-    ignored: dict[str, str] = {}
-    for whole, parts in (("position", {"x", "y", "z"}), ("attitude", _ANGLES)):
-        if whole in columns:
-            both = columns.keys() & parts
-            ignored |= {name: f"beside '{whole}'" for name in both}
-    if {"elevator_rate_command", "elevator_angle_command"} <= columns.keys():
-        ignored["elevator_rate_command"] = "beside 'elevator_angle_command'"
-    if not columns.keys() >= _ANGLES:
-        alone = columns.keys() & {"roll", "yaw"}
-        why = "without all of roll, pitch and yaw"
-        ignored |= {name: why for name in alone if name not in ignored}
-    for name in sorted(ignored):
-        words = f"columns: '{name}' has no effect {ignored[name]}"
-        raise InputError(f"{source}: {words}; expected no such field.")
-    for one, other in itertools.combinations(columns, 2):
-        is_servo = {one, other} == {"elevator", "elevator_angle_command"}
-        if columns[one] == columns[other] and not is_servo:
-            words = f"columns: '{one}' and '{other}' are both {columns[one]!r}"
-            raise InputError(f"{source}: {words}; expected two columns.")
-
-
 def unit_vector(axis: str) -> np.ndarray:
     """An axis such as "-z" as a unit vector (3,)."""
     sign = -1.0 if axis.startswith("-") else 1.0
     return sign * np.eye(3)["xyz".index(axis[-1])]
 
 
-def _given(fields: object) -> dict:
-    """Fields of a dataclass that are not None, by name."""
-    names = [field.name for field in dataclasses.fields(fields)]  # type: ignore[arg-type]
-    return {n: v for n in names if (v := getattr(fields, n)) is not None}
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Vehicle(KnownParameters):
+class Vehicle(_Known):
     """What is known of a glider, in SI units; None: unknown."""
 
     elevator_limits: list[float] | None = None
@@ -235,12 +175,14 @@ class Vehicle(KnownParameters):
 
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
-        known = _given(self)
-        is_known = known.pop("elevator") in ("servo", "fixed", "fixed_per_flight")
-        kinds = "'fixed', 'fixed_per_flight' or 'servo'"
-        expect(is_known, "field 'elevator' of vehicle", self.elevator, kinds)
-        check_parameters(known)
-        check_units(known)
+        kinds = ("servo", "fixed", "fixed_per_flight")
+        known = self.elevator in kinds
+        expect(known, "field 'elevator' of vehicle", self.elevator, ", ".join(kinds))
+        names = (*PARAMETER_NAMES, "elevator_limits", "elevator_rate_limit")
+        given = {name: getattr(self, name) for name in names}
+        given = {name: value for name, value in given.items() if value is not None}
+        check_parameters(given)
+        check_units(given)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -252,8 +194,8 @@ class Settings:
     command_rate: float | None = None
     servo: ServoLog = ServoLog()
     notes: list[str] | None = None
-    columns: Columns | None = None
-    units: Units | None = None
+    columns: dict[str, Names | Markers] | None = None
+    units: dict[str, Unit] | None = None
     frame: Frame | str | None = None
     clock: float | str | None = None
     join: list[str] | None = None
@@ -280,15 +222,20 @@ class Settings:
         expect(known, "field 'join'", join, expected)
         if isinstance(self.frame, str):
             object.__setattr__(self, "frame", Frame(axes=self.frame))
+        for name, unit in (self.units or {}).items():
+            kinds = (*UNITS, *QUANTITIES)
+            expect(name in kinds, "field of units", name, ", ".join(kinds))
+            scale_of(unit, QUANTITIES.get(name, name), f"units: {name}")
+        _check_columns(self.columns or {})
 
     def campaign(self, folder: Path) -> Campaign:
         """Campaign without flights."""
-        known = _given(self.vehicle)
+        known = {name: getattr(self.vehicle, name) for name in PARAMETER_NAMES}
         limits = self.vehicle.elevator_limits
         return Campaign(
             name=folder.resolve().name,
             path=folder,
-            vehicle={n: float(known[n]) for n in PARAMETER_NAMES if n in known},
+            vehicle={n: float(v) for n, v in known.items() if v is not None},
             elevator=self.vehicle.elevator,
             elevator_limits=(limits[0], limits[1]) if limits else None,
             elevator_rate_limit=self.vehicle.elevator_rate_limit,
@@ -301,15 +248,40 @@ class Settings:
 
     def mapping(self, source: str) -> Mapping | None:
         """How logs are mapped; None where no field says so."""
-        if not {"columns", "units", "frame", "clock", "join"} & _given(self).keys():
+        parts = (self.columns, self.units, self.frame, self.clock, self.join)
+        if all(part is None for part in parts):
             return None
         assert not isinstance(self.frame, str)
-        columns = _given(self.columns or Columns())
-        units = _given(self.units or Units())
-        frame = self.frame or Frame()
-        join = tuple(self.join or ())
-        _check_columns(columns, source)
-        return Mapping(source, columns, units, frame, self.clock, join)
+        return Mapping(
+            source=source,
+            columns=self.columns or {},
+            units=self.units or {},
+            frame=self.frame or Frame(),
+            clock=self.clock,
+            join=tuple(self.join or ()),
+        )
+
+
+def _check_columns(columns: dict[str, Names | Markers]) -> None:
+    """Refuses columns that would be ignored, or that are one column."""
+    known = [*QUANTITIES, "flight"]
+    for name, value in columns.items():
+        expect(name in known, "field of columns", name, ", ".join(known))
+        is_list = isinstance(value, list) and name in ("time", "position", "attitude")
+        fits = isinstance(value, str) or is_list or name == "attitude"
+        expect(fits, f"columns: field '{name}'", value, "the name of a column")
+    beside = dict.fromkeys("xyz", "position") | dict.fromkeys(_ANGLES, "attitude")
+    beside["elevator_rate_command"] = "elevator_angle_command"
+    for name in sorted(columns):
+        why = f"beside '{beside[name]}'" if beside.get(name) in columns else ""
+        if name in ("roll", "yaw") and not columns.keys() >= _ANGLES:
+            why = why or "without all of roll, pitch and yaw"
+        if why:
+            words = f"columns: '{name}' has no effect {why}; expected no such field."
+            raise InputError(words)
+    named = [show(own) for q, own in columns.items() if q != "elevator_angle_command"]
+    for own in named:
+        expect(named.count(own) == 1, "columns: two quantities", own, "two columns")
 
 
 def read_settings(file: Path) -> tuple[Campaign, Mapping | None]:

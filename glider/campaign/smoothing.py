@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.special import rgamma
 
 _NANOSECONDS = 9  # Decimals of times [s] within which two grids are the same.
 _GRIDS = 32  # Grids of times whose maps are kept.
@@ -128,8 +129,5 @@ def _covariance(
 
 def _polynomial(t: np.ndarray, order: int, derivative: int = 0) -> np.ndarray:
     """Columns (n, order) of a derivative of the free polynomial tᵏ / k!."""
-    columns = np.zeros((len(t), order))
-    for k in range(derivative, order):
-        power = k - derivative
-        columns[:, k] = t**power / math.factorial(power)
-    return columns
+    powers = np.arange(order) - derivative
+    return t[:, None] ** np.maximum(powers, 0) * rgamma(powers + 1.0)

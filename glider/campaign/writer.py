@@ -40,15 +40,17 @@ def save_campaign(
         "elevator_rate_limit": campaign.elevator_rate_limit,
         "elevator": None if campaign.elevator == "servo" else campaign.elevator,
     }
-    vehicle = {name: value for name, value in vehicle.items() if value is not None}
-    rates = {"pose_rate": campaign.pose_rate, "command_rate": campaign.command_rate}
-    servo = {"servo": dataclasses.asdict(campaign.servo)}
-    known = {} if campaign.servo == ServoLog() else servo
-    notes = {"notes": [*campaign.notes]} if campaign.notes else {}
-    text = schema.yaml_text({"vehicle": vehicle, **rates, **known, **notes})
+    is_usual = campaign.servo == ServoLog()
+    fields = {
+        "vehicle": {name: own for name, own in vehicle.items() if own is not None},
+        "pose_rate": campaign.pose_rate,
+        "command_rate": campaign.command_rate,
+        "servo": None if is_usual else dataclasses.asdict(campaign.servo),
+        "notes": list(campaign.notes) or None,
+    }
     files = {flight.name: flight_csv(flight) for flight in campaign.flights}
     files |= {name: words.encode() for name, words in (more or {}).items()}
-    files["campaign.yaml"] = text.encode()
+    files["campaign.yaml"] = schema.yaml_text(fields).encode()
     replace_files(path, files, last="campaign.yaml")
 
 

@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json_text({"campaign": args.out} | imported.report()))
         return 0
-    print(imported.describe(details=False))
+    print(imported.describe())
     count = len(imported.campaign.flights)
     words = f"{count} flight" + "s" * (count != 1), imported.empty
     print(f"Campaign: {args.out}, {'; '.join(filter(None, words))}")

@@ -102,10 +102,8 @@ class MapJob:
 
         def cut(files: list[Path]) -> tuple[list[Path], Campaign]:
             recordings = campaign_import.read_logs(files, claim, silent)
-            cuts = campaign_import.cut_recordings(recordings, claim, settings)
-            if not any(cut.flights for cut in cuts):
-                return files, settings
-            return files, campaign_import.campaign_of_cuts(settings, cuts)
+            found = campaign_import.cut_recordings(recordings, claim, settings)
+            return files, found.campaign
 
         (files, campaign), skipped = read_some(self._files, cut)
         flights = len(campaign.flights)

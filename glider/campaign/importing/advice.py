@@ -16,7 +16,6 @@ import yaml
 
 from glider.campaign.checks.frame import calc_misfit
 from glider.campaign.importing.recording import UNITS, Recording
-from glider.campaign.logs import Campaign
 from glider.campaign.settings import FRAME_CHOICES, QUANTITIES, Mapping
 from glider.errors import InputError
 
@@ -25,8 +24,8 @@ _MOST_ROWS = 20_000  # Of these: a hundred trials of them take 20 s.
 _AS_GOOD = 1.2  # Ratio of misfits below which two changes fit as well.
 ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 
-_Import = Callable[[Sequence[Recording], Mapping], tuple[Campaign, Sequence[str]]]
-"""From recordings and a mapping to a campaign and warnings; InputError if refused."""
+_Import = Callable[[Sequence[Recording], Mapping], Any]
+"""From recordings and a mapping to an ImportResult; InputError if refused."""
 
 
 class _Passed(NamedTuple):
@@ -47,10 +46,10 @@ def advise(
     passed = []
     for part, value in _changes(claim, some[0]):
         with contextlib.suppress(InputError):
-            campaign, warnings = run(some, _changed(claim, part, value))
+            result = run(some, _changed(claim, part, value))
             own = yaml.safe_dump({part: value}, default_flow_style=True, width=999)
-            misfit = round(calc_misfit(campaign), 6)
-            passed.append(_Passed(len(warnings), misfit, own.strip()[1:-1]))
+            misfit = round(calc_misfit(result.campaign), 6)
+            passed.append(_Passed(len(result.warnings), misfit, own.strip()[1:-1]))
     # Of two changes with the same result, as `up` and `top`, the first is enough.
     likely = {trial[:2]: trial for trial in sorted(passed, reverse=True)}
     best = sorted(likely.values())[:2]

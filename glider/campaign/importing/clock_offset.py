@@ -16,8 +16,13 @@ import numpy as np
 
 from glider.campaign.checks.forces import Motions
 from glider.campaign.checks.motion import SPAN, calc_motion
-from glider.campaign.importing.selection import ServoLogs, Stream
-from glider.campaign.importing.track import Track, planar_pose, turn_along
+from glider.campaign.importing.track import (
+    ServoLogs,
+    Stream,
+    Track,
+    planar_pose,
+    turn_along,
+)
 from glider.campaign.settings import Mapping
 from glider.errors import InputError
 

@@ -8,11 +8,12 @@ moment is one flight: in a gap too short for another throw it has gained no ener
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
 from glider.campaign.checks.masks import find_repeats, stretches
-from glider.campaign.checks.motion import SPAN, Motion, calc_motion, robust_std
+from glider.campaign.checks.motion import SPAN, calc_motion, robust_std
 from glider.campaign.checks.rows import FILLED, find_filled, find_stale
 from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
@@ -41,139 +42,149 @@ _SHORTEST = 0.2  # Duration of a flight, at least [s].
 _MIN_ROWS = 20
 
 
+class _Drive(NamedTuple):
+    """What drives a body, at k rows that have a cubic."""
+
+    time: np.ndarray  #: (k,) [s]
+    speed: np.ndarray  #: (k,) [m/s]
+    way: np.ndarray  #: (k,) since the first row [m].
+    energy: np.ndarray  #: (k,) of height and speed [J/kg].
+    push: np.ndarray  #: (k,) force along the path, without gravity [m/s²].
+
+    def between(self, begin: float, end: float) -> "_Drive":
+        """The rows of a time."""
+        rows = (self.time >= begin) & (self.time <= end)
+        return _Drive(*(values[rows] for values in self))
+
+
 def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
     """Finds the flights of a recording in their order; notes what was omitted."""
-    flights = []
-    notes = [*track.notes]
     frozen = find_repeats(track.position, _EQUAL_ROWS)
     again = find_stale(track.time, track.position) & ~frozen
     filled = find_filled(track.time, track.position) & ~(again | frozen)
-    is_measured = ~(again | filled)
-    track = take(track, is_measured)
-    seen = ~frozen[is_measured]
-    if not len(seen):
-        return [], [*notes, "the body is never seen"]
-    step = float(np.median(np.diff(track.time))) if len(seen) > 1 else 0.0
+    track = take(track, ~(again | filled))
+    seen = take(track, ~frozen[~(again | filled)])
+    if not len(seen.time):
+        return [], [*track.notes, "the body is never seen"]
+    step = np.median(np.diff(seen.time)) if len(seen.time) > 1 else 0.0
     if step > _SLOWEST_LOG:
         expected = f"expected {_SLOWEST_LOG:g} s or less"
         return [], [f"the poses were logged every {step:.3g} s; {expected}"]
-    parts = _find_parts(track, seen, gravity)
+    flights = []
+    notes = [*track.notes]
+    drive = _calc_drive(seen, gravity)
+    parts = _find_parts(seen, drive)
     for first, last in parts:
-        part = take(track, first + np.flatnonzero(seen[first : last + 1]))
+        part = take(seen, slice(first, last + 1))
         margin = 0.0
-        if last + 1 < len(seen):
+        if part.time[-1] < track.time[-1]:
             margin = _BEFORE_CONTACT
-            pause = track.time[last + 1] - track.time[last]
-            if seen[last + 1] and pause <= _MAX_GAP:
+            if np.any(seen.time[last + 1 : last + 2] - part.time[-1] <= _MAX_GAP):
                 # It is slow; the cubics see a stop up to half of their span late.
                 margin += 0.5 * SPAN
-        found = _find_flight(part, gravity, margin)
-        span = f"{part.time[0]:.3f}-{part.time[-1]:.3f} s"
+        found = _find_flight(part, drive, gravity, margin)
         if isinstance(found, Track):
             flights.append(found)
         else:
-            notes.append(f"{span}: {found}")
+            begin, end = part.span
+            notes.append(f"{begin:.3f}-{end:.3f} s: {found}")
     if not parts and not notes:
         reach = np.max(np.ptp(track.position, axis=0))
         notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
-    repeats = int(np.sum(frozen | again))
-    if repeats:
-        notes.append(f"{repeats} rows that repeat the pose before: they are dropped")
-    if count := int(np.sum(filled)):
-        notes.append(f"{count} rows {FILLED}: they are dropped")
+    dropped = {"that repeat the pose before": frozen | again, FILLED: filled}
+    for why, rows in dropped.items():
+        if rows.any():
+            notes.append(f"{np.sum(rows)} rows {why}: they are dropped")
     return flights, notes
 
 
-def _find_parts(
-    track: Track, seen: np.ndarray, gravity: float
-) -> list[tuple[int, int]]:
+def _calc_drive(track: Track, gravity: float) -> _Drive:
+    """What drives the body of a recording."""
+    motion = calc_motion(track.time, track.position)
+    speed = np.linalg.norm(motion.velocity, axis=1)
+    force = motion.acceleration + np.array([0.0, 0.0, gravity])
+    steps = np.diff(motion.time, prepend=motion.time[:1])
+    return _Drive(
+        time=motion.time,
+        speed=speed,
+        way=np.cumsum(speed * steps),
+        energy=gravity * motion.pose[:, 2] + 0.5 * speed**2,
+        push=np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3),
+    )
+
+
+def _find_parts(track: Track, drive: _Drive) -> list[tuple[int, int]]:
     """First and last row of each part in which the body is seen and moves."""
-    rows = np.flatnonzero(seen)
-    time = track.time[rows]
-    position = track.position[rows]
-    gaps = (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
-    breaks = [gap for gap in gaps if not _flies_on(time, position, gap, gravity)]
+    time = track.time
+    if not len(drive.time):
+        return []
+    # The ends of a block have no cubic of their own.
+    moves = np.interp(time, drive.time, drive.speed) > _SLOWEST
+    gaps = np.flatnonzero(np.diff(time) > _MAX_GAP) + 1
+    breaks = [gap for gap in gaps if not _flies_on(time[gap - 1], time[gap], drive)]
     parts = []
-    for block in np.split(np.arange(len(rows)), breaks):
-        if len(block) < _MIN_ROWS:
-            continue
-        motion = calc_motion(time[block], position[block])
-        if not len(motion.time):
-            continue
-        speed = np.linalg.norm(motion.velocity, axis=1)
-        # The ends of a block have no cubic of their own.
-        speed = np.interp(time[block], motion.time, speed)
-        for first, last in stretches(speed > _SLOWEST):
-            parts.append((int(rows[block[first]]), int(rows[block[last]])))
-    return [p for p in parts if track.time[p[1]] - track.time[p[0]] > 0.5 * _SHORTEST]
+    for block in np.split(np.arange(len(time)), breaks):
+        if len(block) >= _MIN_ROWS:
+            for first, last in stretches(moves[block]):
+                parts.append((int(block[first]), int(block[last])))
+    return [part for part in parts if np.ptp(time[[*part]]) > 0.5 * _SHORTEST]
 
 
-def _flies_on(time: np.ndarray, position: np.ndarray, gap: int, gravity: float) -> bool:
-    """Whether the body flies before a gap, ahead of a row, and after, and between.
+def _flies_on(begin: float, end: float, drive: _Drive) -> bool:
+    """Whether the body flies before and after a gap, and between.
 
     A hand that caught and threw it again took as long as a throw; one that threw it
     gave it energy, as in `_find_release`.
     """
-    begin = time[gap - 1]
-    end = time[gap]
-    if end - begin > _THROW:
+    sides = drive.between(begin - 2.0 * SPAN, end + 2.0 * SPAN)
+    before = np.flatnonzero(sides.time <= begin)
+    after = np.flatnonzero(sides.time >= end)
+    if end - begin > _THROW or not (len(before) and len(after)):
         return False
-    near = slice(*np.searchsorted(time, [begin - 2.0 * SPAN, end + 2.0 * SPAN]))
-    motion = calc_motion(time[near], position[near])
-    sides = motion.time <= begin, motion.time >= end
-    if not (sides[0].any() and sides[1].any()):
-        return False
-    ends = np.flatnonzero(sides[0])[-1], np.flatnonzero(sides[1])[0]
-    speed = np.linalg.norm(motion.velocity, axis=1)
-    energy = gravity * motion.pose[:, 2] + 0.5 * speed**2
-    way = np.linalg.norm(motion.pose[ends[1]] - motion.pose[ends[0]])
-    gained = energy[ends[1]] - energy[ends[0]]
-    return bool(min(speed[[*ends]]) > _SLOWEST and gained <= 0.5 * _PUSH * way)
+    ends = [before[-1], after[0]]
+    way = np.ptp(sides.way[ends])
+    gained = np.diff(sides.energy[ends])[0]
+    return bool(min(sides.speed[ends]) > _SLOWEST and gained <= 0.5 * _PUSH * way)
 
 
-def _find_flight(part: Track, gravity: float, margin: float) -> Track | str:
+def _find_flight(
+    part: Track, drive: _Drive, gravity: float, margin: float
+) -> Track | str:
     """The flight in a part in which the body moves throughout, or why there is none.
 
     The margin is the time before the part's end that is cut at least [s].
     """
-    motion = calc_motion(part.time, part.position)
-    if len(motion.time) < 8:
+    own = drive.between(*part.span)
+    if len(own.time) < 8:
         return "too short for a flight"
-    speed = np.linalg.norm(motion.velocity, axis=1)
-    if np.max(speed) < _FASTEST:
-        return f"never faster than {np.max(speed):.2g} m/s: carried, or rolling"
-    force = motion.acceleration + np.array([0.0, 0.0, gravity])
-    push = np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3)
-    energy = gravity * motion.pose[:, 2] + 0.5 * speed**2
+    if np.max(own.speed) < _FASTEST:
+        return f"never faster than {np.max(own.speed):.2g} m/s: carried, or rolling"
     begin = part.time[0]
     start = "the body is seen from here on"
-    release = _find_release(motion, energy, push)
+    release = _find_release(own)
     if release is not None:
         begin = release + _AFTER_RELEASE
         start = f"a hand lets go at {release:.3f} s"
-    after = part.time >= begin
-    if np.sum(after) < _MIN_ROWS:
+    free = take(part, part.time >= begin)
+    if len(free.time) < _MIN_ROWS:
         return "the hand never lets go"
-    free = take(part, after)
-    end = free.time[-1]
+    end = free.time[-1] - margin
     stop = "the body is seen, and moves, until here"
     contact = _find_contact(free)
-    if contact is None and margin:
-        end -= margin
-        stop = f"the body is lost, or stands, at {free.time[-1]:.3f} s"
-    elif contact is not None:
-        end = min(contact - _BEFORE_CONTACT, end - margin)
+    if contact is not None:
+        end = min(contact - _BEFORE_CONTACT, end)
         stop = f"it touches something at {contact:.3f} s"
+    elif margin:
+        stop = f"the body is lost, or stands, at {free.time[-1]:.3f} s"
     flight = take(free, free.time <= end + 1e-9)
-    if len(flight.time) < _MIN_ROWS or flight.time[-1] - flight.time[0] < _SHORTEST:
+    if len(flight.time) < _MIN_ROWS or np.ptp(flight.time) < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
-    inside = (motion.time >= begin) & (motion.time <= end)
-    if not inside.any() or np.median(push[inside]) > _FREE:
+    flown = own.between(begin, end)
+    if not len(flown.time) or np.median(flown.push) > _FREE:
         return "something pushes it throughout"
-    lost = energy[inside][0] - energy[inside][-1]
-    way = np.trapezoid(speed[inside], motion.time[inside])
-    long = flight.time[-1] - flight.time[0] > _LONG
-    if long and lost * _BEST_GLIDE < gravity * way:
+    lost = flown.energy[0] - flown.energy[-1]
+    way = np.ptp(flown.way)
+    if np.ptp(flight.time) > _LONG and lost * _BEST_GLIDE < gravity * way:
         return (
             f"it loses {max(lost, 0.0):.2g} J/kg in {way:.3g} m, less than any glider: "
             "a motor drives it, or it rises with the air; expected gliding flight"
@@ -181,20 +192,19 @@ def _find_flight(part: Track, gravity: float, margin: float) -> Track | str:
     return dataclasses.replace(flight, why=f"{start}; {stop}")
 
 
-def _find_release(motion: Motion, energy: np.ndarray, push: np.ndarray) -> float | None:
+def _find_release(drive: _Drive) -> float | None:
     """Time at which the hand lets go [s]; None where no hand is seen.
 
     A hand has given the body energy until then. A force that noise or a gust shows for
     a moment has not.
     """
-    peak = int(np.argmax(energy))
-    speed = np.linalg.norm(motion.velocity, axis=1)
-    way = np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(motion.time))])
-    for last in np.flatnonzero(push[: peak + 1] > _PUSH)[::-1]:
+    time, _, way, energy, push = drive
+    pushed = np.flatnonzero(push[: np.argmax(energy) + 1] > _PUSH)
+    for last in pushed[::-1]:
         free = last + int(np.argmax(push[last:] < _FREE))
-        first = int(np.searchsorted(motion.time, motion.time[free] - _THROW))
+        first = int(np.searchsorted(time, time[free] - _THROW))
         if energy[free] - energy[first] > 0.5 * _PUSH * (way[free] - way[first]):
-            return float(motion.time[free])
+            return float(time[free])
     return None
 
 

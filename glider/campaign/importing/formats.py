@@ -13,7 +13,6 @@ class _Format(NamedTuple):
 
 FORMATS = (
     _Format("CSV", (".csv", ".txt", ".tsv")),
-    _Format("Excel .xlsx", (".xlsx", ".xlsm"), "openpyxl"),
     _Format("OptiTrack Motive CSV"),
     _Format("Vicon CSV"),
     _Format("Qualisys TSV"),
@@ -23,7 +22,6 @@ FORMATS = (
     _Format("MATLAB .mat", (".mat",), "pymatreader"),
     _Format("MCAP", (".mcap",), "mcap"),
     _Format("ROS bag", (".bag", ".db3"), "rosbags"),
-    _Format("Parquet", (".parquet",), "pyarrow"),
 )
 
 SUFFIXES = tuple(suffix for format in FORMATS for suffix in format.suffixes)

@@ -21,13 +21,18 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 from scipy.special import softmax
 
 from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.track import Track, make_track, take, turn_along
+from glider.campaign.importing.track import (
+    Track,
+    make_track,
+    planar_rotation,
+    take,
+    turn_along,
+)
 from glider.campaign.settings import AXES, Mapping, unit_vector
 from glider.physics.parameters import GliderParameters
 
@@ -102,7 +107,7 @@ def rank_frames(
             flown = _fly_all(tracks, pieces)
             if flown is None:
                 break
-            is_known = tracks[0].rotation is None or "top" in reading
+            is_known = not tracks[0].spatial or "top" in reading
             for body in [_KNOWN_AXES] if is_known else _body_axes():
                 fields = {} if is_known else body
                 frames.append(world | reading | fields)
@@ -140,17 +145,16 @@ def _worlds(tracks: Sequence[Track]) -> list[_Fields]:
 
 
 def _is_same(one: Track, other: Track) -> bool:
-    a = one.rotation
-    b = other.rotation
-    return a is not None and b is not None and np.allclose(a, b, atol=_SAME)
+    same = np.allclose(one.rotation, other.rotation, atol=_SAME)
+    return one.spatial and other.spatial and same
 
 
 def _cut(track: Track) -> list[Track]:
     """The flights of a recording."""
-    if track.rotation is not None:
+    if track.spatial:
         # Which axis is the nose is unknown: contacts are found by y, not by the pitch.
-        y = track.position[:, 1]
-        track = dataclasses.replace(track, rotation=None, pitch=y)
+        as_pitch = planar_rotation(track.position[:, 1])
+        track = dataclasses.replace(track, rotation=as_pitch, spatial=False)
     pieces, _ = cut(track, _GRAVITY)
     return pieces
 
@@ -177,9 +181,7 @@ def _fly(track: Track, piece: Track) -> _Flight:
     rows = np.searchsorted(track.time, piece.time)
     whole = take(track, np.minimum(rows, len(track.time) - 1))
     turns = whole.rotation
-    if turns is None:
-        assert whole.pitch is not None
-        turns = Rotation.from_euler("y", np.c_[whole.pitch]).as_matrix()
+    if not whole.spatial:
         piece = turn_along(piece)
     stride = max(1, round(_STEP / float(np.median(np.diff(piece.time)))))
     motion = calc_motion(piece.time, piece.position, stride=stride)

@@ -21,7 +21,6 @@ from glider.campaign.checks.frame import SIGNIFICANT, check_signs
 from glider.campaign.checks.servo import follow_sign, measure_elevators
 from glider.campaign.importing.campaign_import import (
     as_files,
-    campaign_of_cuts,
     cut_recordings,
     read_logs,
 )
@@ -206,11 +205,12 @@ def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
     fixed = Vehicle(elevator="fixed")
     moving = Vehicle(elevator_rate_limit=_RATE_LIMIT)
     settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
-    cuts = cut_recordings(recordings, claim, settings)
-    if not any(cut.flights for cut in cuts):
-        notes = "; ".join(note for c in cuts for note in c.notes) or "nothing moves"
-        raise InputError(f"{recordings[0].path}: no flight was found ({notes}).")
-    return campaign_of_cuts(settings, cuts)
+    found = cut_recordings(recordings, claim, settings)
+    if not found.campaign.flights:
+        notes = [note for cut in found.recordings for note in cut.notes]
+        reasons = "; ".join(notes) or "nothing moves"
+        raise InputError(f"{recordings[0].path}: no flight was found ({reasons}).")
+    return found.campaign
 
 
 def _priors(

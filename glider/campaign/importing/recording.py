@@ -19,6 +19,8 @@ from glider.errors import InputError, expect, show
 
 _VECTORS = ("{name}.{axis}", "{name}_{axis}", "{name} {axis}", "{name}{axis}")
 
+_MOST = 1000  # Names that are compared with one that is not there.
+
 _DEGREE = math.pi / 180.0
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
@@ -68,6 +70,7 @@ class Group:
     columns: dict[str, Column]
     time: str | None = None  #: Name of the column of times, where the format has one.
     clock: str = ""  #: Groups of one clock have the same name here.
+    lines: Sequence[int] | None = None  #: Of rows in a text; None: counted from 0.
 
 
 Vector = tuple[Group, list[Column]]  # Columns side by side, and their group.
@@ -77,7 +80,7 @@ Vector = tuple[Group, list[Column]]  # Columns side by side, and their group.
 class Recording:
     """One recording as it was logged, in its own names, units and axes."""
 
-    path: Path  #: Of the file; of a sheet in a workbook: file/sheet.
+    path: Path  #: Of the file; of a part of it: file/part.
     groups: tuple[Group, ...]
     rotation: str | None = None  #: As in `frame: rotation:`; None: the format is open.
     known: Mapping[str, str] = dataclasses.field(default_factory=dict)
@@ -93,68 +96,73 @@ class Recording:
     def find(self, address: str, field: str) -> tuple[Group, Column]:
         """Finds a column by its address or unique name; `field` is for messages."""
         known = list(self._all())
-        found = [(group, column) for full, group, column in known if full == address]
-        found = found or [(g, c) for n, g, c in known if f"{g.name}.{address}" == n]
-        source = f"{self.path}: {field}"
-        if len(found) > 1:
-            groups = ", ".join(repr(group.name) for group, _ in found)
-            raise InputError(
-                f"{source}: column '{address}' is in several groups, {groups}; "
-                "expected the group's name, a dot and the column's."
-            )
-        for name, why in self.unread.items() if not found else ():
+        found = [own for own in known if own[0] == address]
+        found = found or [own for own in known if own[0] == f"{own[1].name}.{address}"]
+        if len(found) == 1:
+            _, group, column = found[0]
+            if column.fault:
+                raise InputError(f"{self.path}: {column.fault}")
+            return group, column
+        names = [name for name, _, _ in found or known]
+        near = difflib.get_close_matches(address, names[:_MOST], n=1, cutoff=0.5)
+        hint = f" (did you mean '{near[0]}'?)" if near else ""
+        listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+        what = f"there are {len(found)} columns" if found else "there is no column"
+        reason = f"{what} '{address}'{hint}; found {listed or 'none'}"
+        for name, why in self.unread.items():
             if address.startswith(name):
-                raise InputError(f"{source}: '{name}' is not read: {why}.")
-        if not found:
-            names = self.names()
-            near = difflib.get_close_matches(address, names, n=1, cutoff=0.5)
-            hint = f" (did you mean '{near[0]}'?)" if near else ""
-            listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-            raise InputError(
-                f"{source}: there is no column '{address}'{hint}; "
-                f"found {listed or 'none'}."
-            )
-        group, column = found[0]
-        if column.fault:
-            raise InputError(f"{self.path}: {column.fault}")
-        return group, column
+                reason = f"'{name}' is not read: {why}"
+        raise InputError(f"{self.path}: {field}: {reason}.")
 
     def find_all(self, address: str, axes: str, field: str) -> Vector | None:
         """Finds the columns of a vector by their common name; None where it is none.
 
         Their axes are letters in the order wanted, or digits for name[0], name[1].
         """
-        known = {full.removeprefix(f"{g.name}."): full for full, g, _ in self._all()}
-        known |= {full: full for full in self.names()}
-        known = {split_suffix(name)[0]: full for name, full in known.items()} | known
+        known: dict[str, str] = {}
+        for full, group, _ in self._all():
+            for name in (full.removeprefix(f"{group.name}."), full):
+                known |= {split_suffix(name)[0]: full, name: full}
         spellings = ("{name}[{axis}]", "{name}{axis}")
         for spelling in spellings if axes[0].isdigit() else _VECTORS:
             for letters in (axes, axes.upper()):
                 names = [spelling.format(name=address, axis=a) for a in letters]
-                if all(name in known for name in names):
+                if known.keys() >= set(names):
                     return self.find_each([known[name] for name in names], field)
         return None
 
     def find_each(self, names: Sequence[str], field: str) -> Vector:
-        """Finds columns side by side, by their addresses."""
-        pairs = [self.find(name, field) for name in names]
-        return pairs[0][0], [column for _, column in pairs]
+        """Finds columns of one group side by side, by their addresses."""
+        groups, columns = zip(*(self.find(name, field) for name in names), strict=True)
+        if any(group is not groups[0] for group in groups):
+            raise InputError(
+                f"{self.path}: {field}: {', '.join(names)} are in different groups; "
+                "expected one with the same times."
+            )
+        return groups[0], list(columns)
 
     def find_times(self, group: Group, named: Any, rows: int) -> Column | None:
         """Finds the times of a group's rows, of which there are as many."""
         names = [named] if isinstance(named, str) else named
-        for name in names:
+        for name in (*names, group.time or ""):  # A damaged log may lack it.
             column = group.columns.get(name.removeprefix(f"{group.name}."))
             if column is not None:
                 return column
-        if group.time in group.columns:  # A damaged log may lack it.
-            return group.columns[group.time]
-        for other in self.groups:  # Of the same clock, with as many rows.
-            for name, column in other.columns.items():
-                fits = other.clock == group.clock and len(column.values) == rows
-                if fits and {name, f"{other.name}.{name}"} & set(names):
-                    return column
+        for address, other, column in self._all():  # Of the same clock.
+            fits = other.clock == group.clock and len(column.values) == rows
+            if fits and {address, address.removeprefix(f"{other.name}.")} & set(names):
+                return column
         return None
+
+    def refuse(self, bad: np.ndarray, name: str, expected: str) -> None:
+        """Raises InputError about the first bad value (n,) of a column, if any is."""
+        for i in np.flatnonzero(bad)[:1]:
+            group, column = self.find(name, "column")
+            row = i if group.lines is None else group.lines[i]
+            raise InputError(
+                f"{self.path}: column '{name}', row {row}: "
+                f"found {show(column.values[i])}; expected {expected}."
+            )
 
     def _all(self) -> Iterator[tuple[str, Group, Column]]:
         for group in self.groups:

@@ -15,8 +15,7 @@ from scipy.optimize import brute
 from scipy.signal import savgol_filter
 
 from glider.campaign.checks.servo import calc_correlation, measure_elevators
-from glider.campaign.importing.selection import Stream
-from glider.campaign.importing.track import Track
+from glider.campaign.importing.track import Stream, Track
 from glider.campaign.logs import Campaign, ServoLog
 from glider.compiled.actuators import elevator_path
 from glider.errors import InputError

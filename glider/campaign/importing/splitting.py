@@ -5,6 +5,7 @@ Its flights are known by a column `flight`, or by a time that starts again.
 
 import dataclasses
 import itertools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -78,20 +79,16 @@ def _find_spans(
         starts.update(find_restarts(time.values))
     bounds = [*sorted(starts), rows]
     spans = [slice(start, end) for start, end in itertools.pairwise(bounds)]
-    if not labels:
-        if len(spans) == 1:
-            return [("", spans[0])]
-        return [(f"part {k}", span) for k, span in enumerate(spans, 1)]
     named: list[tuple[str, slice]] = []
-    counts: dict[str, int] = {}
-    for span in spans:
-        label = labels[span.start]
-        if label:
-            earlier = counts.get(label, 0)
-            again = f" ({earlier + 1})" if earlier else ""
-            named.append((f"{_FLIGHT} {label}{again}", span))
-            counts[label] = earlier + 1
-    return named
+    counts: Counter[str] = Counter()
+    for k, span in enumerate(spans, 1):
+        label = f"{_FLIGHT} {labels[span.start]}" if labels else f"part {k}"
+        if labels and not labels[span.start]:
+            continue
+        counts[label] += 1
+        again = f" ({counts[label]})" if counts[label] > 1 else ""
+        named.append((label + again, span))
+    return named if labels or len(spans) > 1 else [("", spans[0])]
 
 
 def _find_labels(
@@ -108,17 +105,13 @@ def _find_labels(
     changes = [row for row in range(1, rows) if cells[row] != cells[row - 1]]
     found = [cells[row] for row in (0, *changes) if rows and cells[row]]
     is_short = rows < FEWEST_ROWS * len(found)
-    if _FLIGHT in columns:
-        if is_short:
-            raise InputError(
-                f"{recording.path}: columns: flight: '{name}' has {len(set(found))} "
-                f"values but changes {len(changes)} times in {rows} rows; expected the "
-                f"rows of a flight together, {FEWEST_ROWS} or more of each."
-            )
-        return cells if found else ()
-    # It may say something else, such as whether the body flies.
-    is_flag = len(set(found)) < min(len(found), 3)
-    return cells if found and not (is_short or is_flag) else ()
+    if _FLIGHT in columns and is_short:
+        raise InputError(
+            f"{recording.path}: columns: flight: '{name}' has {len(set(found))} "
+            f"values but changes {len(changes)} times in {rows} rows; expected the "
+            f"rows of a flight together, {FEWEST_ROWS} or more of each."
+        )
+    return () if is_short else cells  # It may say something else.
 
 
 def _take(group: Group, rows: slice) -> Group:
@@ -128,4 +121,5 @@ def _take(group: Group, rows: slice) -> Group:
         values = column.values[rows]
         labels = column.labels and column.labels[rows]
         columns[name] = dataclasses.replace(column, values=values, labels=labels)
-    return dataclasses.replace(group, columns=columns)
+    lines = group.lines and group.lines[rows]
+    return dataclasses.replace(group, columns=columns, lines=lines)

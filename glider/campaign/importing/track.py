@@ -1,29 +1,81 @@
-"""The frame step: a recording turned into the axes and signs of this project.
+"""The quantities of a mapping, picked out of a recording, in our axes and signs.
 
-The rows of W are forward, left and up in the log's axes, those of B nose, left and top
-in the body's axes, as the mapping names them. Then
+Each quantity keeps its own clock. The rows of W are forward, left and up in the log's
+axes, those of B nose, left and top in the body's axes, as the mapping names them. Then
     p' = W p,   R' = W R Bᵀ,   p_cm = p' - R' r
 for a tracked point r ahead of and above the center of mass.
 """
 
 import dataclasses
+import itertools
 import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from glider.campaign.checks.motion import SPAN
-from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.selection import Picker, ServoLogs, Stream
-from glider.campaign.settings import Frame, Mapping, unit_vector
-from glider.errors import InputError
+from glider.campaign.importing.recording import (
+    Column,
+    Recording,
+    Vector,
+    scale_of,
+    spell,
+)
+from glider.campaign.importing.splitting import FEWEST_ROWS, find_restarts
+from glider.campaign.settings import (
+    QUANTITIES,
+    Frame,
+    Mapping,
+    Markers,
+    Names,
+    unit_vector,
+)
+from glider.errors import InputError, expect
 
+_SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
+_ROUNDED = (0.01, 1e-3, 1e-4)  # Last digits of times that are rounded [s].
+_LONGEST = 0.05  # Step of a log above which commands are logged at changes only [s].
+_EULER = ("roll", "pitch", "yaw")  # About x, y and z.
+_POINT = ("xyz", "012")  # Axes of vectors: letters, or indices.
+_PLANE = (*_POINT, "xy", "xz", "01")
+_TURN = ("012345678", "xyzw", "0123", *_POINT)
+_SAME_TIME = 1e-6  # Time between rows at the same time [s].
 _MAX_GAP = 0.1  # Time between two attitudes above which none is interpolated [s].
 
 
-_FEW_STEPS = 3.0
-"""Steps from row to row, over the usual one, by which a body may move on to zero."""
+class Stream(NamedTuple):
+    """Numbers with their times."""
+
+    time: np.ndarray  #: (n,) increasing [s].
+    values: np.ndarray  #: (n, k)
+    clock: str  #: Whose it is.
+    late: int = 0  #: Rows that were dropped, as their time fell back.
+
+    @property
+    def step(self) -> float:
+        """Usual step of a log, whose rows may be those of changes only [s]."""
+        return min(float(np.quantile(np.diff(self.time), 0.25)), _LONGEST)
+
+    def known(self) -> "Stream":
+        """The rows in which all numbers are finite."""
+        rows = np.isfinite(self.values).all(axis=1)
+        return self._replace(time=self.time[rows], values=self.values[rows])
+
+
+class ServoLogs(NamedTuple):
+    """What was logged of the elevator's servo."""
+
+    elevator: Stream | None = None  #: (n, 1) as measured [rad].
+    rate_command: Stream | None = None  #: (n, 1) [rad/s]
+    angle_command: Stream | None = None  #: (n, 1) [rad]
+
+    @property
+    def given(self) -> list[Stream]:
+        """Those that were logged."""
+        return [stream for stream in self if stream is not None]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -33,11 +85,11 @@ class Track:
     path: Path
     time: np.ndarray  #: (n,) [s]
     position: np.ndarray  #: (n, 3) [m]; y is zero where it is not logged.
-    rotation: np.ndarray | None  #: (n, 3, 3) from nose, left, top to the axes.
-    pitch: np.ndarray | None  #: (n,) positive nose down [rad], where no rotation is.
-    along_throw: bool  #: Whether x has yet to be turned along each flight.
-    clock: str
-    servo: ServoLogs  #: Positive trailing edge up.
+    rotation: np.ndarray  #: (n, 3, 3) from nose, left, top to the axes.
+    spatial: bool = True  #: Whether roll and yaw were logged; else they are zero.
+    along_throw: bool = False  #: Whether x has yet to be turned along each flight.
+    clock: str = ""
+    servo: ServoLogs = ServoLogs()  #: Positive trailing edge up.
     notes: tuple[str, ...] = ()  #: On rows that were dropped.
     why: str = ""  #: Of a flight: it begins and ends where it does.
     jitter: float = 0.0  #: Of the stamps about the even steps that were restored [s].
@@ -49,82 +101,45 @@ class Track:
         elevator = self.servo.elevator
         return elevator is not None and elevator.clock == self.clock
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """Times of the first and last row [s]."""
+        return float(self.time[0]), float(self.time[-1])
+
 
 def make_track(recording: Recording, mapping: Mapping) -> Track:
     """Turns a recording into the axes and signs of this project."""
     frame = mapping.frame
-    pick = Picker(recording, mapping)
-    logged = pick.position()
-    attitude = pick.attitude() or pick.scalars(("pitch",))
-    signs = (frame.elevator, frame.command, frame.command)
-    servo = ServoLogs(*map(_signed, pick.servo(), signs))
-    time = logged.time
-    position = logged.values
-    planar = position.shape[1] == 2
-    world, along_throw = _world_axes(frame, planar)
-    if planar:
-        position = np.insert(position, 1, 0.0, axis=1)
-    rotation = pitch = None
-    if attitude.values.shape[1] == 4:
-        rotation = world @ _rotations(attitude, time) @ frame.body.T
-        seen = np.isfinite(rotation).all(axis=(1, 2))
-    elif attitude.values.shape[1] == 2:
-        if not planar:
-            raise InputError(
-                f"{recording.path}: columns: attitude (of {mapping.source}): its "
-                "markers have two axes, and the position three; expected the same."
-            )
-        ahead = np.insert(attitude.values, 1, 0.0, axis=1) @ world.T
-        pitch = -np.arctan2(ahead[:, 2], ahead[:, 0])
-        pitch = _pitches(attitude._replace(values=pitch[:, None]), time)
-        seen = np.isfinite(pitch)
-    else:
-        pitch = _pitches(attitude, time)
-        pitch *= 1.0 if (frame.pitch or frame.usual_pitch) == "nose_down" else -1.0
-        seen = np.isfinite(pitch)
-    zeros = _are_zeros(logged)
+    pick = _Picker(recording, mapping)
+    place = pick.position()
+    time = place.time
+    planar = place.values.shape[1] == 2
+    world = _world_axes(frame)
+    attitude, spatial = pick.attitude(world, planar)
+    rotation = _interpolate(attitude, time)
+    if spatial:
+        rotation = world @ rotation @ frame.body.T
+    ahead, above = frame.tracked_point
+    position = _turn_points(place.values, world)
+    position -= rotation @ np.array([ahead, 0.0, above])
+    zeros = np.all(place.values == 0.0, axis=1)  # Cameras do not see the body.
+    seen = np.isfinite(position).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))
+    seen &= ~zeros
     counts = {
-        "whose time falls back: they are dropped": logged.late,
+        "whose time falls back: they are dropped": place.late,
         "in which the position is zero: the body was not seen": int(np.sum(zeros)),
     }
-    position = position @ world.T
-    seen &= np.isfinite(position).all(axis=1) & ~zeros
-    ahead, above = frame.tracked_point
-    if rotation is not None:
-        position = position - rotation @ np.array([ahead, 0.0, above])
-    elif pitch is not None and (ahead or above):
-        cos = np.cos(pitch)
-        sin = np.sin(pitch)
-        position[:, 0] -= ahead * cos + above * sin
-        position[:, 2] -= above * cos - ahead * sin
     return Track(
         path=recording.path,
         time=time[seen],
         position=position[seen],
-        rotation=None if rotation is None else rotation[seen],
-        pitch=None if pitch is None else np.unwrap(pitch[seen]),
-        along_throw=along_throw,
-        clock=logged.clock,
+        rotation=rotation[seen],
+        spatial=spatial,
+        along_throw=not planar and frame.forward in (None, "throw"),
+        clock=place.clock,
         notes=tuple(f"{count} rows {why}" for why, count in counts.items() if count),
-        servo=servo,
+        servo=pick.servo(),
     )
-
-
-def _are_zeros(place: Stream) -> np.ndarray:
-    """Rows (n,) at zero, of a body that cameras do not see: not one that passes there.
-
-    It would come from, or go to, a place that is a few steps away.
-    """
-    zeros = np.all(place.values == 0.0, axis=1)
-    others = np.flatnonzero(np.isfinite(place.values).all(axis=1) & ~zeros)
-    if not zeros.any() or len(others) < 2:
-        return zeros
-    steps = np.linalg.norm(np.diff(place.values[others], axis=0), axis=1)
-    index = np.searchsorted(others, np.flatnonzero(zeros))
-    beside = others[np.clip([index - 1, index], 0, len(others) - 1)]
-    away = np.linalg.norm(place.values[beside], axis=2).min(axis=0)
-    zeros[zeros] = away > _FEW_STEPS * np.median(steps)
-    return zeros
 
 
 def take(track: Track, rows: np.ndarray | slice) -> Track:
@@ -133,9 +148,13 @@ def take(track: Track, rows: np.ndarray | slice) -> Track:
         track,
         time=track.time[rows],
         position=track.position[rows],
-        rotation=None if track.rotation is None else track.rotation[rows],
-        pitch=None if track.pitch is None else track.pitch[rows],
+        rotation=track.rotation[rows],
     )
+
+
+def planar_rotation(pitch: np.ndarray) -> np.ndarray:
+    """Rotations (n, 3, 3) by pitches (n,) alone, positive nose down [rad]."""
+    return Rotation.from_euler("y", pitch[:, None]).as_matrix()
 
 
 def turn_along(track: Track) -> Track:
@@ -145,16 +164,18 @@ def turn_along(track: Track) -> Track:
     """
     if not track.along_throw:
         return track
-    ground = track.position[:, :2]
-    _, _, axes = np.linalg.svd(ground - np.mean(ground, axis=0), full_matrices=False)
+    ground = track.position[:, 0] + 1j * track.position[:, 1]
+    spread = np.sum((ground - np.mean(ground)) ** 2)
+    along = np.exp(0.5j * np.angle(spread))
     first = np.searchsorted(track.time, track.time[0] + SPAN, side="right") - 1
-    along = axes[0] * np.sign(axes[0] @ (ground[first] - ground[0]) or 1.0)
-    turn = np.array([[along[0], along[1], 0.0], [-along[1], along[0], 0.0], [0, 0, 1]])
-    start = np.append(ground[0], 0.0)
+    if np.real((ground[first] - ground[0]) / along) < 0.0:
+        along = -along
+    turn = Rotation.from_euler("z", -np.angle(along)).as_matrix()
+    start = np.append(track.position[0, :2], 0.0)
     return dataclasses.replace(
         track,
         position=(track.position - start) @ turn.T,
-        rotation=None if track.rotation is None else turn @ track.rotation,
+        rotation=turn @ track.rotation if track.spatial else track.rotation,
     )
 
 
@@ -165,21 +186,21 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
     taken at first, then the one that continues the row before: a glider that dives past
     the vertical continues to pitch, and one that rolls over continues to roll.
     """
-    if track.rotation is None:
-        assert track.pitch is not None
-        return track.pitch, None
+    if not track.spatial:
+        ahead = track.rotation[:, :, 0]
+        return np.unwrap(np.arctan2(-ahead[:, 2], ahead[:, 0])), None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Straight up or down the yaw is taken as zero.
         yaw, pitch, roll = Rotation.from_matrix(track.rotation).as_euler("ZYX").T
-    over = np.abs(roll) > 0.5 * np.pi
-    ways = np.array([[roll, pitch, yaw], [roll + np.pi, np.pi - pitch, yaw + np.pi]])
-    turns = np.exp(1j * ways)
-    for k in range(1, len(over)):
-        before = turns[int(over[k - 1]), :, k - 1]
-        steps = np.abs(turns[:, :, k] - before).sum(axis=1)
-        over[k] = steps[1] < steps[0]
-    chosen = np.angle(turns[over.astype(int), :, np.arange(len(over))])
-    roll, pitch, yaw = np.unwrap(chosen, axis=0).T
+    one = np.array([roll, pitch, yaw])
+    other = np.array([roll + np.pi, np.pi - pitch, yaw + np.pi])
+    stays, turns = (
+        np.abs(np.exp(1j * way[:, 1:]) - np.exp(1j * one[:, :-1])).sum(axis=0)
+        for way in (one, other)
+    )
+    changes = np.r_[np.abs(roll[:1]) > 0.5 * np.pi, turns < stays]
+    chosen = np.where(np.cumsum(changes) % 2 == 1, other, one)
+    roll, pitch, yaw = np.unwrap(np.angle(np.exp(1j * chosen)), axis=1)
     return pitch, np.column_stack([roll, yaw])
 
 
@@ -188,54 +209,299 @@ def planar_pose(track: Track) -> np.ndarray:
     return np.column_stack([track.position[:, [0, 2]], angles_of(track)[0]])
 
 
-def _world_axes(frame: Frame, planar: bool) -> tuple[np.ndarray, bool]:
-    """W (3, 3), and whether x has yet to be turned along each flight.
+class _Picker:
+    """Picks the quantities of a recording; refuses those that are not complete."""
 
-    In a plane the log's axes are x and the vertical one, whatever its name, which
-    becomes z.
+    def __init__(self, recording: Recording, mapping: Mapping) -> None:
+        self._recording = recording
+        self._mapping = mapping
+        self._columns = mapping.columns
+
+    def position(self) -> Stream:
+        """Positions (n, 3) x, y, z, or (n, 2) x and the axis that is vertical [m]."""
+        if "position" in self._columns:
+            return self._point("position", self._columns["position"])
+        if {"y", "z"} <= self._columns.keys():
+            return self._scalars("x", "y", "z")
+        return self._scalars("x", "y" if "y" in self._columns else "z")
+
+    def attitude(self, world: np.ndarray, planar: bool) -> tuple[Stream, bool]:
+        """Quaternions (n, 4) x, y, z, w, and whether they are from body to log.
+
+        Otherwise they are those of a pitch in the axes of this project.
+        """
+        frame = self._mapping.frame
+        name = self._columns.get("attitude")
+        if isinstance(name, Markers):
+            stream = self._markers(name, planar)
+            if stream.values.shape[1] == 4:
+                return stream, True
+            ahead = _turn_points(stream.values, world)
+            pitch = -np.arctan2(ahead[:, 2], ahead[:, 0])[:, None]
+        elif name is not None:
+            return self._rotations(name), True
+        elif self._columns.keys() >= set(_EULER):
+            order = frame.rotation or "ZYX"
+            return self._angles(self._scalars(*_EULER), order), True
+        else:
+            stream = self._scalars("pitch")
+            is_up = (frame.pitch or frame.usual_pitch) == "nose_up"
+            pitch = -stream.values if is_up else stream.values
+        stream = stream._replace(values=pitch)
+        return _turned(stream, lambda v: Rotation.from_euler("y", v)), False
+
+    def servo(self) -> ServoLogs:
+        """What is mapped of the servo, its rows with a number."""
+        frame = self._mapping.frame
+        logs = []
+        for quantity in _SERVO:
+            log = None
+            if quantity in self._columns:
+                log = self._scalars(quantity).known()
+                if len(log.time) < 2:
+                    reason = "fewer than two rows of it have a number"
+                    raise self._error(quantity, reason)
+                positive = frame.elevator if quantity == "elevator" else frame.command
+                if positive == "trailing_edge_down":
+                    log = log._replace(values=-log.values)
+            logs.append(log)
+        return ServoLogs(*logs)
+
+    def _scalars(self, *quantities: str) -> Stream:
+        """Quantities of one group side by side."""
+        names = []
+        for quantity in quantities:
+            name = self._columns.get(quantity)
+            if not isinstance(name, str):
+                raise InputError(
+                    f"{self._mapping.source}: columns: '{quantity}' is missing; "
+                    "expected position (or x and z), attitude (or pitch) and time."
+                )
+            names.append(name)
+        found = self._recording.find_each(names, self._field(quantities[0]))
+        return self._stream(quantities, found)
+
+    def _rotations(self, name: Names) -> Stream:
+        """Quaternions of the columns of an attitude."""
+        axes, found = self._find("attitude", name, _TURN)
+        stream = self._stream(("attitude",) * len(axes), found)
+        rotation = self._mapping.frame.rotation
+        if len(axes) == 9:
+            return _of_matrices(stream)
+        if len(axes) == 3:
+            return self._angles(stream, rotation or self._recording.rotation)
+        if isinstance(name, list):  # In any order.
+            letters = "".join(part[-1:].lower() for part in name)
+            axes = letters if sorted(letters) == sorted("xyzw") else "0123"
+        usual = self._recording.rotation or ""
+        own = rotation or (usual if axes == "0123" else axes)
+        known = ("wxyz", "xyzw") if axes == "0123" else (axes,)
+        expected = f"{' or '.join(known)}, the order of the quaternion's four numbers"
+        self._check_rotation(own in known, own, expected)
+        order = [own.index(letter) for letter in "xyzw"]
+        stream = stream._replace(values=stream.values[:, order])
+        with np.errstate(over="ignore"):
+            norm = np.linalg.norm(stream.values, axis=1)
+        # Zeros stand for a body that is not seen; a damaged number may be huge.
+        stream.values[~((norm > 0.5) & (norm < 2.0))] = np.nan
+        norm = norm[np.isfinite(norm)]
+        if len(norm) and np.median(np.abs(norm - 1.0)) > 0.01:
+            reason = f"a quaternion has a length of {np.median(norm):.3g}; expected 1"
+            raise self._error("attitude", reason)
+        return _turned(stream, Rotation.from_quat)
+
+    def _angles(self, stream: Stream, rotation: str | None) -> Stream:
+        rotation = rotation or ""
+        known = rotation not in ("", "wxyz", "xyzw")
+        expected = "XYZ or rotation_vector, ..., the meaning of its three angles"
+        self._check_rotation(known, rotation, expected)
+        if rotation == "rotation_vector":
+            return _turned(stream, Rotation.from_rotvec)
+        if self._mapping.frame.turns_pitch:
+            stream = stream._replace(values=stream.values * [1.0, -1.0, 1.0])
+        order = ["XYZ".index(letter) for letter in rotation.upper()]
+        return _turned(stream, lambda v: Rotation.from_euler(rotation, v[:, order]))
+
+    def _check_rotation(self, known: bool, found: str, expected: str) -> None:
+        """Refuses a `frame: {rotation: ...}` that does not say how angles are read."""
+        what = f"{self._recording.path}: {self._field('attitude')}: 'rotation'"
+        expect(known, what, found, expected)
+
+    def _markers(self, markers: Markers, planar: bool) -> Stream:
+        """Attitude by points: x from tail to nose, y toward the left wing tip.
+
+        In a plane the way from tail to nose (n, 2).
+        """
+        names = (markers.nose, markers.tail, markers.left, markers.right)
+        points = [self._point("attitude", name) for name in names if name]
+        for point in points:  # Zeros stand for a marker that is not seen.
+            point.values[np.all(point.values == 0.0, axis=1)] = np.nan
+        in_plane = points[0].values.shape[1] == 2
+        is_odd = in_plane and (not planar or len(points) > 2)
+        if is_odd or len({point.values.shape for point in points}) > 1:
+            reason = "its markers differ in rows or axes, or are in a plane"
+            expected = "the same of all, and in a plane a position, nose and tail"
+            raise self._error("attitude", f"{reason}; expected {expected}")
+        nose, tail, *tips = (point.values for point in points)
+        ahead = nose - tail
+        if in_plane:
+            return points[0]._replace(values=ahead)
+        # Without wing tips it is level: square to what is up.
+        level = np.cross(unit_vector(self._mapping.frame.up), ahead)
+        left = tips[0] - tips[1] if tips else level
+        top = np.cross(ahead, left)
+        axes = np.stack([ahead, np.cross(top, ahead), top], axis=2)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        return _of_matrices(points[0]._replace(values=axes.reshape(-1, 9)))
+
+    def _point(self, quantity: str, name: Names | Markers) -> Stream:
+        """Points (n, 3), or in a plane (n, 2) along it and up or down [m]."""
+        axes, found = self._find(quantity, name, _PLANE)
+        return self._stream(("position",) * len(axes), found)
+
+    def _find(
+        self, quantity: str, name: Names | Markers, shapes: tuple[str, ...]
+    ) -> tuple[str, Vector]:
+        """Axes, group and columns of a vector: the first of some shapes that fits."""
+        field = self._field(quantity)
+        if isinstance(name, list):
+            for axes in shapes:
+                if len(name) == len(axes):
+                    return axes, self._recording.find_each(name, field)
+        elif isinstance(name, str):
+            # A position may be that of a body or a marker.
+            owners = (name, f"{name}.Position") if shapes == _PLANE else (name,)
+            for owner, axes in itertools.product(owners, shapes):
+                found = self._recording.find_all(owner, axes, field)
+                if found is not None:
+                    return axes, found
+            self._recording.find(name, field)  # Its error lists what is there.
+        raise self._error(quantity, f"no columns '{name}' of a vector were found")
+
+    def _stream(self, quantities: Sequence[str], found: Vector) -> Stream:
+        group, columns = found
+        is_turn = len(columns) in (4, 9)  # A quaternion or a matrix has no unit.
+        parts = [column.values for column in columns]
+        if not is_turn:
+            parts = list(map(self._scaled, quantities, columns))
+        values = np.stack(parts, axis=1)
+        named = self._columns.get("time", "time")
+        times = self._recording.find_times(group, named, len(values))
+        if times is None:
+            reason = f"no column of times was found for '{quantities[0]}'"
+            raise self._error("time", f"{reason} (named {named!r})")
+        time = self._scaled("time", times)
+        known = np.isfinite(time)
+        time = time[known]
+        values = values[known]
+        before = np.maximum.accumulate(np.r_[-np.inf, time])[:-1]
+        ahead = time > before
+        starts = find_restarts(time)
+        if starts or (len(ahead) and np.mean(ahead) < 0.9):
+            row = starts[0] if starts else int(np.argmin(ahead))
+            raise self._error(
+                "time",
+                f"it does not increase at value {row + 1} ({time[row]:.9g} s); "
+                "expected the rows in the order of their times, and as many restarts "
+                "in each table",
+            )
+        even = _without_rounding(time[ahead])
+        return Stream(even, values[ahead], group.clock, int(np.sum(~ahead)))
+
+    def _scaled(self, quantity: str, column: Column) -> np.ndarray:
+        """A column in SI; refuses a unit that the file contradicts."""
+        path = self._recording.path
+        if column.fault:
+            raise InputError(f"{path}: {column.fault}")
+        kind = QUANTITIES[quantity]
+        own = spell(column.unit or "")
+        field = quantity if quantity in self._mapping.units else kind
+        unit = self._mapping.units.get(field, own)
+        if unit is None:
+            return column.values
+        source = f"{self._mapping.source}: units: {field}"
+        if own and isinstance(unit, str) and spell(unit) != own:
+            raise InputError(
+                f"{source}: found '{unit}', but in {path} its unit is '{own}'; "
+                "expected the same in both."
+            )
+        scale = scale_of(unit, kind, source)
+        return scale.gain * (column.values - scale.zero)
+
+    def _field(self, quantity: str) -> str:
+        return f"columns: {quantity} (of {self._mapping.source})"
+
+    def _error(self, quantity: str, reason: str) -> InputError:
+        return InputError(f"{self._recording.path}: {self._field(quantity)}: {reason}.")
+
+
+def _without_rounding(time: np.ndarray) -> np.ndarray:
+    """Times (n,) with even steps, where they are rounded and all that is not is that.
+
+    Rows between gaps are on their own. At 7 m/s a millisecond is 7 mm.
     """
+    clean = time.copy()
+    left = (np.ptp(time / r - np.round(time / r)) for r in _ROUNDED if len(time))
+    digit = next((r for r, n in zip(_ROUNDED, left, strict=False) if n < 1e-2), 0.0)
+    gaps = np.diff(time) > 1.5 * np.median(np.diff(time)) + digit
+    for rows in np.split(np.arange(len(time)), np.flatnonzero(gaps) + 1):
+        if digit and len(rows) >= FEWEST_ROWS:
+            even = np.polynomial.Polynomial.fit(rows, time[rows], 1)(rows)
+            if 1e-3 * digit < np.ptp(even - time[rows]) < 1.1 * digit:
+                clean[rows] = even
+    return clean
+
+
+def _of_matrices(stream: Stream) -> Stream:
+    """Quaternions of rotation matrices (n, 9), row by row, nan where none is one.
+
+    Zeros stand for a body that is not seen.
+    """
+    matrices = stream.values.reshape(-1, 3, 3)
+    with np.errstate(invalid="ignore"):
+        is_one = np.linalg.det(matrices) > 0.5
+    values = np.where(is_one[:, None], stream.values, np.nan)
+    stream = stream._replace(values=values)
+    return _turned(stream, lambda v: Rotation.from_matrix(v.reshape(-1, 3, 3)))
+
+
+def _turned(stream: Stream, read: Callable[[np.ndarray], Rotation]) -> Stream:
+    """Quaternions of a stream's numbers, nan in rows where nothing was seen."""
+    seen = np.isfinite(stream.values).all(axis=1)
+    quaternion = np.full((len(seen), 4), np.nan)
+    quaternion[seen] = read(stream.values[seen]).as_quat()
+    return stream._replace(values=quaternion)
+
+
+def _world_axes(frame: Frame) -> np.ndarray:
+    """W (3, 3); where x has yet to be turned along a flight, any axis is forward."""
     forward = frame.forward
-    up = unit_vector(frame.up)
-    if planar:
-        # y is not logged: it is what makes the axes right-handed.
-        ahead = unit_vector("-x" if forward == "-x" else "x")
-        return np.stack([ahead, np.zeros(3), np.sum(up) * unit_vector("z")]), False
-    along_throw = forward is None or forward == "throw"
-    if forward is None or along_throw:  # Any axis will do until then.
+    if forward is None or forward == "throw":
         forward = next(axis for axis in "xyz" if axis != frame.up[-1])
     ahead = unit_vector(forward)
-    return np.stack([ahead, np.cross(up, ahead), up]), along_throw
+    up = unit_vector(frame.up)
+    return np.stack([ahead, np.cross(up, ahead), up])
 
 
-def _rotations(stream: Stream, time: np.ndarray) -> np.ndarray:
+def _turn_points(points: np.ndarray, world: np.ndarray) -> np.ndarray:
+    """Points in our axes (n, 3); those in a plane (n, 2) are ahead and up or down."""
+    if points.shape[1] == 2:
+        points = points @ np.abs(world[[0, 2]])
+    return points @ world.T
+
+
+def _interpolate(stream: Stream, time: np.ndarray) -> np.ndarray:
     """Rotations (n, 3, 3) at times (n,), nan where no attitude is near."""
     known = stream.known()
     result = np.full((len(time), 3, 3), np.nan)
     if len(known.time) > 1:
-        near = _is_near(known.time, time)
+        index = np.clip(np.searchsorted(known.time, time), 1, len(known.time) - 1)
+        before = known.time[index - 1]
+        after = known.time[index]
+        exact = np.minimum(np.abs(time - before), np.abs(after - time)) < _SAME_TIME
+        near = (before <= time) & (time <= after)
+        near &= exact | (after - before < _MAX_GAP)
         slerp = Slerp(known.time, Rotation.from_quat(known.values))
         result[near] = slerp(time[near]).as_matrix()
     return result
-
-
-def _pitches(stream: Stream, time: np.ndarray) -> np.ndarray:
-    """Pitches (n,) at times (n,), nan where none is near [rad]."""
-    known = stream.known()
-    if len(known.time) < 2:
-        return np.full(len(time), np.nan)
-    pitch = np.interp(time, known.time, np.unwrap(known.values[:, 0]))
-    return np.where(_is_near(known.time, time), pitch, np.nan)
-
-
-def _is_near(known: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Whether times (n,) lie between two known ones that are close to one another."""
-    index = np.clip(np.searchsorted(known, time), 1, len(known) - 1)
-    exact = np.isclose(time, known[index]) | np.isclose(time, known[index - 1])
-    near = exact | (known[index] - known[index - 1] < _MAX_GAP)
-    return near & (time >= known[0]) & (time <= known[-1])
-
-
-def _signed(stream: Stream | None, positive: str) -> Stream | None:
-    if stream is None or positive == "trailing_edge_up":
-        return stream
-    return stream._replace(values=-stream.values)

@@ -8,8 +8,7 @@ import pytest
 
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.importing.cutting import cut
-from glider.campaign.importing.selection import ServoLogs
-from glider.campaign.importing.track import Track
+from glider.campaign.importing.track import Track, planar_rotation
 from glider.campaign.reader import load_campaign
 from tests.helpers.campaigns import campaign_path
 
@@ -77,11 +76,8 @@ def test_a_recording_is_cut_before_a_stop_or_a_slide(campaign, slide, least):
             path=Path("take.csv"),
             time=stopped.time,
             position=np.column_stack([x, 0.0 * x, z]),
-            rotation=None,
-            pitch=pitch,
-            along_throw=False,
-            clock="",
-            servo=ServoLogs(),
+            rotation=planar_rotation(pitch),
+            spatial=False,
         )
         [found], _ = cut(track, 9.81)
         before.append(stopped.time[last] - found.time[-1])

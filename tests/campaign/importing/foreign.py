@@ -353,7 +353,7 @@ frame: {up: z}
 """
 
 
-def qtm_text(flight: Flight, names: bool = True) -> str:
+def qtm_text(flight: Flight) -> str:
     """A 6D export of QTM, whose two rows 30 and 31 do not show the body.
 
     The rotation matrix goes column by column; each row ends with a tab.
@@ -365,7 +365,7 @@ def qtm_text(flight: Flight, names: bool = True) -> str:
     head += ["TIME_STAMP\t2024-03-05, 14:02:00.123\t8412.00", "BODY_NAMES\tglider"]
     entries = "\t".join(f"Rot[{k}]" for k in range(9))
     own = f"glider X\tY\tZ\tRoll\tPitch\tYaw\tResidual\t{entries}\t"
-    rows = [*head, f"Frame\tTime\t{own}"] if names else head
+    rows = [*head, f"Frame\tTime\t{own}"]
     for i, time in enumerate(flight.time - flight.time[0]):
         place, turn = 1000.0 * position(flight)[i], matrices[i].T.ravel()
         here = [*place, *angles[i], 0.4, *turn]

@@ -34,7 +34,7 @@ def refusal(path, text):
 
 def test_a_vicon_export_of_few_rows(tmp_path):
     message = refusal(tmp_path / "a.csv", "Objects\n200\n")
-    assert "five header rows" in message
+    assert "whole header" in message
 
 
 def test_a_motive_export_whose_trailing_commas_were_trimmed(tmp_path):
@@ -84,17 +84,6 @@ def write_vicon(folder, campaign):
     return [folder / "trial.csv"]
 
 
-def write_parquet(folder, campaign):
-    arrow, parquet = (
-        pytest.importorskip("pyarrow"),
-        pytest.importorskip("pyarrow.parquet"),
-    )
-    [flight] = campaign.flights
-    table = {"t": flight.time, "x": flight.pose[:, 0], "p": list(flight.pose)}
-    parquet.write_table(arrow.table(table), folder / "log.parquet")
-    return [folder / "log.parquet"]
-
-
 def write_bag(folder, campaign):
     writer = pytest.importorskip("rosbags.rosbag1").Writer(folder / "log.bag")
     from rosbags.typesys import Stores, get_typestore
@@ -109,17 +98,9 @@ def write_bag(folder, campaign):
     return [folder / "log.bag"]
 
 
-def write_xlsx(folder, campaign):
-    from tests.campaign.importing.test_new_formats import write_workbook
-
-    return write_workbook(folder / "log.xlsx", campaign)
-
-
 WRITERS = {name: write for name, (write, _) in foreign.FORMATS.items()} | {
     "vicon": write_vicon,
-    "parquet": write_parquet,
     "bag": write_bag,
-    "xlsx": write_xlsx,
 }
 
 
@@ -230,7 +211,7 @@ def test_angles_beside_a_rotation_of_four_numbers(tmp_path, campaign):
     lines = file.read_bytes().decode("cp1252").splitlines()
     ends = ["", ";x0;r;w", ";;;", *[";0,0;0,0;0,0"] * (len(lines) - 3)]
     file.write_text("\n".join(a + b for a, b in zip(lines, ends, strict=True)))
-    with pytest.raises(InputError, match="meaning of its three angles is unknown"):
+    with pytest.raises(InputError, match="meaning of its three angles"):
         read_flights([file], path)
     path.write_text(path.read_text().replace(", rotation: wxyz", ""))
     assert len(read_flights([file], path).campaign.flights) == 1
@@ -256,7 +237,7 @@ def test_a_quaternion_that_is_none_is_not_seen(value):
     columns = {
         f"q.{axis}": Column(values=v) for axis, v in zip("xyzw", rows.T, strict=True)
     }
-    columns |= {f"p.{axis}": Column(values=np.arange(9.0)) for axis in "xyz"}
+    columns |= {f"p.{axis}": Column(values=np.arange(1.0, 10.0)) for axis in "xyz"}
     columns["t"] = Column(values=np.arange(9.0) / 5)
     recording = Recording(path=Path("a"), groups=(Group(name="", columns=columns),))
     fields = {"columns": {"position": "p", "attitude": "q", "time": "t"}}
@@ -270,7 +251,7 @@ def test_a_long_gap_of_the_pitch_is_not_interpolated():
     time = np.arange(60) / 100.0
     pitch = np.sin(9.0 * time)
     pitch[20:45], pitch[50] = np.nan, np.nan
-    columns = {"t": time, "x": 5.0 * time, "z": -time, "theta": pitch}
+    columns = {"t": time, "x": 5.0 * time - 9.0, "z": -time, "theta": pitch}
     group = Group(name="", columns={n: Column(values=v) for n, v in columns.items()})
     fields = {"columns": {"time": "t", "x": "x", "z": "z", "pitch": "theta"}}
     mapping = schema.convert(fields, Settings, "MAP").mapping("MAP")

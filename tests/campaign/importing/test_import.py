@@ -17,8 +17,7 @@ from glider.campaign.importing import campaign_import, readers
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.guess import guess_mapping
-from glider.campaign.importing.selection import ServoLogs
-from glider.campaign.importing.track import Track
+from glider.campaign.importing.track import Track, planar_rotation
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from tests.campaign.importing import foreign
@@ -86,11 +85,11 @@ def test_each_format_gives_back_the_flights(lab, campaign, tmp_path):
     name, files, path = lab
     assert len(path.read_text().strip().splitlines()) <= 10
     imported = import_campaign(files, path, tmp_path / "out")
-    assert imported.undecided == ()
+    assert imported.campaign.notes == ()
     assert_same(imported.campaign, campaign, name)
     again = load_campaign(tmp_path / "out")
     assert len(again.flights) == len(campaign.flights)
-    assert (tmp_path / "out" / "import.txt").read_text().startswith(str(files[0]))
+    assert json.loads((tmp_path / "out" / "import.json").read_text())["flights"]
 
 
 def wrong_maps(text):
@@ -247,7 +246,7 @@ def test_recordings_without_a_flight_are_counted(tmp_path, campaign, capsys):
     few = "2 of 3 recordings gave no flight"
     assert f"warning: {few}; is 'frame:' right?" in warnings
     assert lines[-1] == f"Campaign: {out}, 1 flight; {few}"
-    assert f"{files[1]}: no flight, 0 rows" in (out / "import.txt").read_text()
+    assert str(files[1]) in json.loads((out / "import.json").read_text())["notes"]
     assert main([*command, str(tmp_path / "again"), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["campaign"] == str(tmp_path / "again")
@@ -435,11 +434,8 @@ def test_a_recording_is_cut_at_the_vehicles_gravity():
         path=Path("drop.csv"),
         time=time,
         position=np.column_stack([x, np.zeros_like(x), z]),
-        rotation=None,
-        pitch=np.arctan2(gravity * falling, 5.0),
-        along_throw=False,
-        clock="",
-        servo=ServoLogs(),
+        rotation=planar_rotation(np.arctan2(gravity * falling, 5.0)),
+        spatial=False,
     )
     [flight], _ = cut(track, gravity)
     assert 0.5 < flight.time[0] < 0.65

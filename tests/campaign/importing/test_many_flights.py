@@ -66,7 +66,7 @@ def test_a_column_of_flights(tmp_path, campaign, words, step):
     assert_same(result.campaign, campaign, "csv")
     first = words.format(3)
     assert str(result.recordings[0].path) == f"{path}/flight {first}"
-    [line] = result.describe(details=False).splitlines()
+    [line] = result.describe().splitlines()
     assert line == f"{path}: 3 flights of 3 parts, {len(rows)} rows"
 
 
@@ -96,30 +96,6 @@ def test_a_copy_of_a_flight_is_excluded(tmp_path, campaign):
     assert len(read_flights([*files[:2], files[0]], mapping).campaign.flights) == 2
     [copy] = inspect(read_flights(files, mapping).campaign).excluded
     assert copy.file == "flight_003.csv" and "same rows as flight_000" in copy.why
-
-
-def test_parquet(tmp_path, campaign):
-    arrow = pytest.importorskip("pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    rows, labels = table_of(campaign)
-    columns = dict(zip(NAMES, rows.T, strict=True))
-    path = tmp_path / "throws.parquet"
-    for flight in (None, labels, [f"run {label}" for label in labels]):
-        more = {} if flight is None else {"flight": flight}
-        parquet.write_table(arrow.table(columns | more), path)
-        assert_same(imported(path).campaign, campaign, "parquet")
-
-
-def test_a_sheet_of_a_workbook(tmp_path, campaign):
-    openpyxl = pytest.importorskip("openpyxl")
-    rows, labels = table_of(campaign)
-    book = openpyxl.Workbook()
-    book.active.append([*NAMES, "flight"])
-    for row, label in zip(rows.tolist(), labels, strict=True):
-        book.active.append([*row, label])
-    path = tmp_path / "throws.xlsx"
-    book.save(path)
-    assert_same(imported(path).campaign, campaign, "xlsx")
 
 
 def cells_of(values):

@@ -9,9 +9,8 @@ import pytest
 
 from glider.campaign.checks.servo import calc_correlation, measure_elevators
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
-from glider.campaign.importing.selection import ServoLogs, Stream
 from glider.campaign.importing.servo_logs import align_commands, make_servo
-from glider.campaign.importing.track import Track
+from glider.campaign.importing.track import ServoLogs, Stream, Track, planar_rotation
 from glider.campaign.logs import ServoLog
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
@@ -171,7 +170,7 @@ def test_a_clock_that_turns_the_elevator_round_is_refused(tmp_path, campaign):
 def test_a_clock_that_is_off_is_warned_of(tmp_path, campaign, off):
     files, path = write(tmp_path, campaign, "two clocks", AHEAD + off)
     imported = read_flights(files, path)
-    assert f"'clock' is {AHEAD + off:g}" in imported.undecided[0]
+    assert f"'clock' is {AHEAD + off:g}" in imported.campaign.notes[0]
     assert imported.campaign.servo.clock_std == pytest.approx(0.03, abs=0.01)
 
 
@@ -184,7 +183,7 @@ def test_a_given_clock_is_known_as_well_as_it_was_read(
     """To its digits and a step of the logs: not to 3 ms where it is 10 ms wrong."""
     files, path = write(tmp_path, campaign, "two clocks", round(AHEAD + off, 3))
     imported = read_flights(files, path)
-    assert imported.undecided == ()
+    assert imported.campaign.notes == ()
     assert least < imported.campaign.servo.clock_std < most
 
 
@@ -239,9 +238,8 @@ def logged(campaign, time=TIME, **servo):
         path=Path("log.csv"),
         time=time,
         position=np.zeros((len(time), 3)),
-        rotation=None,
-        pitch=np.zeros(len(time)),
-        along_throw=False,
+        rotation=planar_rotation(np.zeros(len(time))),
+        spatial=False,
         clock="poses",
         servo=ServoLogs(**streams),
     )

@@ -19,19 +19,17 @@ _DATAFLASH = "ArduPilot DataFlash"
 _READERS: dict[str, _Reader] = {
     "PX4 ULog": topics.read_ulog,
     _DATAFLASH: dataflash.read,
+    "C3D": c3d.read,
     "MATLAB .mat": tables.read_mat,
     "MCAP": topics.read_mcap,
     "ROS bag": topics.read_bag,
-    "Parquet": tables.read_parquet,
-    "C3D": c3d.read,
-    "Excel .xlsx": tables.read_workbook,
 }
 """Readers of what is no text, by format."""
 _FORMATS = {suffix: format.name for format in FORMATS for suffix in format.suffixes}
 
 
 def read_recordings(path: Path) -> list[Recording]:
-    """Reads a file of a known format: one recording, or one of each sheet or struct."""
+    """Reads a file of a known format: one recording, or one of each struct."""
     if not path.exists():
         raise InputError(f"{path}: does not exist; expected a log.")
     what = _FORMATS.get(path.suffix.lower(), "")
@@ -39,7 +37,7 @@ def read_recordings(path: Path) -> list[Recording]:
         if not (path / "metadata.yaml").is_file():
             raise InputError(f"{path}: is a folder; expected a file, or a ROS 2 bag.")
         what = "ROS bag"
-    elif what not in _READERS or what == _DATAFLASH:  # A .log may be any text.
+    elif what in ("", _DATAFLASH):  # A .log may be any text.
         what = _DATAFLASH if dataflash.is_one(path) else "CSV"
     if what not in _READERS:
         text = delimited.decode(path)

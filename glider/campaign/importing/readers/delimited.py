@@ -1,22 +1,16 @@
-"""Text files of numbers in any dialect: separators, decimal commas, several headers.
+"""Text files of numbers in any dialect: separators, decimal commas, several headers."""
 
-Python's csv splits the rows: pandas and pyarrow need the dialect and the header's rows,
-which are found here, and do not give the line of a bad cell.
-"""
-
+import contextlib
+import csv
 import datetime
-import gzip
 import math
 import re
-import zlib
 from collections.abc import Sequence
-from itertools import repeat
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from glider.campaign.flight_table import split_rows, to_float
 from glider.campaign.importing.formats import FORMAT_NAMES, SUFFIXES
 from glider.campaign.importing.recording import (
     Column,
@@ -38,27 +32,26 @@ _CLOCK = re.compile(r"(-?)(?:(\d+):)?(\d\d?):(\d\d?)(?:[.,](\d+)|:(\d{3}))?")
 """h:mm:ss.fff, mm:ss.fff or h:mm:ss:ms, as of videos."""
 _FRAMES = re.compile(r"\d:\d\d:\d\d:\d")  # hh:mm:ss:ff, the last counts frames.
 _MIN_ROWS = 3
-_DAY_ZERO = datetime.datetime(1970, 1, 1)
+_SNIFFED = 30  # Last rows that show the separator.
 
-_Rows = Sequence[Sequence[str]]
-NumberedRows = Sequence[tuple[int, Sequence[str]]]
+_Row = Sequence[str]
+NumberedRows = Sequence[tuple[int, _Row]]
 """Cells of rows, with their lines in the file."""
 
 
 def decode(path: Path) -> str:
-    """Text of a file in UTF-8, UTF-16 or Windows' Western code page, or in gzip."""
+    """Text of a file in UTF-8, UTF-16 or Windows' Western code page."""
     try:
         data = path.read_bytes()
-        data = gzip.decompress(data) if path.suffix == ".gz" else data
-    except (OSError, EOFError, zlib.error) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+    except OSError as error:
+        reason = error.strerror or str(error)
         raise InputError(f"{path}: cannot be read: {reason}.") from None
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace")
     if b"\0" in data[:4096]:
         raise InputError(
             f"{path}: not a text file, and its name ends in no known format; "
-            f"expected {', '.join(SUFFIXES)}."
+            f"expected {', '.join(SUFFIXES)} (convert any other to CSV)."
         )
     try:
         return data.decode("utf-8-sig")
@@ -67,18 +60,7 @@ def decode(path: Path) -> str:
 
 
 def parse(path: Path, text: str) -> Recording:
-    """Parses the one table of a text; see `parse_rows`."""
-    lines = text.splitlines()
-    while lines and not re.search(r"\d", lines[-1]):  # Empty cells, or a last word.
-        lines.pop()
-    rows = split_rows(lines, _find_delimiter(lines))
-    if all(not row or row[-1] == "" for row in rows):  # A separator ends each line.
-        rows = [row[:-1] for row in rows]
-    return parse_rows(path, rows)
-
-
-def parse_rows(path: Path, rows: _Rows) -> Recording:
-    """Parses rows of cells, their header included; decimals may have a comma.
+    """Parses the one table of a text, its header included.
 
     The header is what stands before the first of the rows of numbers: its last row
     has the names, unless that is a row of units. A unit may also stand in a name:
@@ -86,6 +68,12 @@ def parse_rows(path: Path, rows: _Rows) -> Recording:
     the row above, before them: "Position.x". A header may stand again between rows.
     A # before the first name may stand apart, and the header have its own separator.
     """
+    lines = text.splitlines()
+    while lines and not re.search(r"\d", lines[-1]):  # Empty cells, or a last word.
+        lines.pop()
+    rows = split_rows(lines, _find_delimiter(lines))
+    if all(not row or row[-1] == "" for row in rows):  # A separator ends each line.
+        rows = [row[:-1] for row in rows]
     first = _first_data_row(rows)
     if first is None:
         raise InputError(
@@ -93,12 +81,7 @@ def parse_rows(path: Path, rows: _Rows) -> Recording:
             f"above them, or another of the formats {FORMAT_NAMES}."
         )
     width = len(rows[first])
-    header = [list(row) for row in map(_without_mark, rows[:first], repeat(width))]
-    repeated = [row for row in rows[:first] if any(row)]
-    header = [row for row in header if len(row) == width and any(row)]
-    if not header:
-        split = (_split_words(" ".join(row)) for row in rows[:first])
-        header = [words for words in split if len(words) == width]
+    header = _find_header(rows[:first], width)
     of_row: list[str | None] = [None] * width
     if len(header) > 1 and _are_units(header[-1], header[-2]):
         of_row = [spell(cell) for cell in header.pop()]
@@ -107,6 +90,7 @@ def parse_rows(path: Path, rows: _Rows) -> Recording:
             f"{path}: row {first + 1} is {show(', '.join(rows[first]))}, the first of "
             "numbers; expected a row with the names of the columns above it."
         )
+    repeated = [row for row in rows[:first] if any(row)]
     data = [(i, row) for i, row in number_rows(rows, first) if row not in repeated]
     for i, row in data:
         if len(row) != width:
@@ -119,7 +103,7 @@ def parse_rows(path: Path, rows: _Rows) -> Recording:
     above = header[-2] if len(header) > 1 else [""] * width
     for j, own in enumerate(header[-1]):
         name = own or above[j]
-        bare, unit = split_unit(name)
+        bare, unit = _split_unit(name)
         owner = above[j] or owner
         if owner and header[-1].count(name) > 1:
             bare = f"{owner}.{bare}"
@@ -128,23 +112,30 @@ def parse_rows(path: Path, rows: _Rows) -> Recording:
             columns[bare] = Column(columns[bare].values, fault=fault)
         elif name:
             columns[bare] = make_column(bare, data, j, of_row[j] or unit)
-    return Recording(path, (Group("", columns),))
+    table = Group("", columns, lines=[i for i, _ in data])
+    return Recording(path, (table,))
 
 
-def _without_mark(row: Sequence[str], width: int) -> Sequence[str]:
-    """A row of a header without the # or % of a comment, which may be a cell."""
-    if row and row[0] and not row[0].strip("#%"):
-        return row[1:] if len(row) == width + 1 else row
-    return [row[0].lstrip("#% "), *row[1:]] if row else row
+def split_rows(lines: Sequence[str], delimiter: str) -> list[list[str]]:
+    """Cells of lines, each by itself: a lone quote must not swallow the rest."""
+    if delimiter == " ":
+        return [line.split() for line in lines]
+    rows = []
+    for line in lines:
+        row = line.split(delimiter) if line else []
+        if '"' in line:
+            cells = csv.reader(
+                [line], delimiter=delimiter, strict=True, skipinitialspace=True
+            )
+            with contextlib.suppress(csv.Error):
+                row = next(cells)
+        rows.append([cell.strip() for cell in row])
+    return rows
 
 
-def _split_words(header: str) -> list[str]:
-    """Names of a header that does not have the separator of the rows."""
-    joined = re.sub(r"\s+(?=[\[(])", "", header.lstrip("#% "))
-    return [word for word in re.split(r"[\s,;|]+", joined) if word]
-
-
-def number_rows(rows: _Rows, first: int, last: int | None = None) -> NumberedRows:
+def number_rows(
+    rows: Sequence[_Row], first: int, last: int | None = None
+) -> NumberedRows:
     """Some rows of a file that are not blank, with their lines."""
     return [(i, row) for i, row in enumerate(rows[first:last], first + 1) if any(row)]
 
@@ -153,18 +144,16 @@ def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Colu
     """The j-th cells of rows; times in ISO 8601 become seconds from the first row."""
     cells = [row[j] if j < len(row) else "" for _, row in rows]
     cells = ["" if _BLANK.fullmatch(cell) else cell for cell in cells]
-    values = np.array([_number(cell) for cell in cells])
+    values = np.array([to_number(cell) for cell in cells])
     filled = np.array(cells, dtype=bool)
     bad = np.flatnonzero(np.isnan(values) & filled)
     if not len(bad):
         return Column(values, unit)
-    clocks = [_CLOCK.fullmatch(cells[i]) for i in bad]
-    if len(bad) == np.sum(filled) or all(clocks):  # Below a minute it may be seconds.
-        instants = np.array([_instant(cell) for cell in cells])
-        instants = np.where(np.isfinite(values), values, instants)
-        if not np.isnan(instants[filled]).any():
-            epoch = float(instants[filled][0])
-            return Column(instants - epoch, "s", epoch=epoch)
+    instants = values.copy()  # Below a minute a clock may show seconds alone.
+    instants[bad] = [_instant(cells[i]) for i in bad]
+    if not np.isnan(instants[filled]).any():
+        epoch = float(instants[filled][0])
+        return Column(instants - epoch, "s", epoch=epoch)
     line = rows[bad[0]][0]
     cell = cells[bad[0]]
     times = "a time in ISO 8601 or as h:mm:ss.fff, or a number"
@@ -175,12 +164,38 @@ def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Colu
 
 def as_text(value: Any) -> str:
     """Text of a cell; a date, or a time of a day, in ISO 8601."""
-    if isinstance(value, datetime.timedelta):  # A time beyond 24 h.
-        value = _DAY_ZERO + value
     return value.isoformat() if hasattr(value, "isoformat") else str(value).strip()
 
 
-def split_unit(name: str) -> tuple[str, str | None]:
+def to_number(cell: str) -> float:
+    """Number of a cell; NaN for what is none, or not finite."""
+    try:
+        value = math.nan if "_" in cell else float(cell.replace(",", "."))
+    except ValueError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan
+
+
+def _find_header(rows: Sequence[_Row], width: int) -> list[list[str]]:
+    """The rows of a header that have a cell for each column, without their marks."""
+    header = []
+    for row in rows:
+        cells = [*row]
+        if cells and cells[0] and not cells[0].strip("#%"):  # It may be a name.
+            cells = cells[len(cells) == width + 1 :]
+        elif cells:
+            cells[0] = cells[0].lstrip("#% ")
+        if len(cells) == width and any(cells):
+            header.append(cells)
+    if not header:  # It may not have the separator of the rows.
+        for row in rows:
+            joined = re.sub(r"\s+(?=[\[(])", "", " ".join(row).lstrip("#% "))
+            words = [word for word in re.split(r"[\s,;|]+", joined) if word]
+            header += [words] if len(words) == width else []
+    return header
+
+
+def _split_unit(name: str) -> tuple[str, str | None]:
     """A name without the unit in brackets, and the unit that it has."""
     match = _UNIT_IN_NAME.match(name)
     if match and (spell(match[2]) or _BLANK.fullmatch(match[2])):
@@ -190,7 +205,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
 def _find_delimiter(lines: Sequence[str]) -> str:
     """What separates the numbers of the last rows."""
-    tail = [line for line in lines[-200:] if line.strip()][-50:]
+    tail = [line for line in lines[-200:] if line.strip()][-_SNIFFED:]
 
     def count(delimiter: str) -> float:
         rows = split_rows(tail, delimiter)
@@ -201,10 +216,10 @@ def _find_delimiter(lines: Sequence[str]) -> str:
     return max(";\t,| ", key=count)
 
 
-def _first_data_row(rows: _Rows) -> int | None:
+def _first_data_row(rows: Sequence[_Row]) -> int | None:
     """The first row of numbers that is followed by some more like it."""
 
-    def has_numbers(row: Sequence[str]) -> bool:
+    def has_numbers(row: _Row) -> bool:
         filled = [cell for cell in row if cell]
         numbers = sum(map(_is_number, filled))
         return numbers > 0 and 2 * numbers >= len(filled)
@@ -216,7 +231,7 @@ def _first_data_row(rows: _Rows) -> int | None:
     return None
 
 
-def _are_units(row: Sequence[str], names: Sequence[str]) -> bool:
+def _are_units(row: _Row, names: _Row) -> bool:
     """Whether a row under names has their units; some may be unknown, such as V."""
     cells = [cell for cell in row if cell.strip(" []()") not in ("", "-", "1")]
     known = sum(spell(cell) is not None for cell in cells)
@@ -224,12 +239,7 @@ def _are_units(row: Sequence[str], names: Sequence[str]) -> bool:
 
 
 def _is_number(cell: str) -> bool:
-    return not (np.isnan(_number(cell)) and np.isnan(_instant(cell)))
-
-
-def _number(cell: str) -> float:
-    value = to_float(cell.replace(",", "."))
-    return value if math.isfinite(value) else math.nan
+    return not (math.isnan(to_number(cell)) and math.isnan(_instant(cell)))
 
 
 def _instant(cell: str) -> float:
@@ -238,17 +248,16 @@ def _instant(cell: str) -> float:
     Without a zone it is taken for UTC; only differences matter. 31.12.2026 is read too.
     """
     clock = _CLOCK.fullmatch(cell)
+    has_frames = _FRAMES.search(cell) and not clock
+    if ":" not in cell or has_frames:  # Python takes them for hundredths of a second.
+        return math.nan
     sign, hours, minutes, seconds, *fraction = clock.groups("") if clock else [""] * 6
     if hours or any(fraction):  # Else they may be hours and minutes, too.
         whole = 3600.0 * int(hours or 0) + 60.0 * int(minutes) + int(seconds)
         return float(f"{sign}1") * (whole + float(f"0.{''.join(fraction) or 0}"))
-    if _FRAMES.search(cell):  # Python takes them for hundredths of a second.
-        return math.nan
     cell = re.sub(r"^(\d\d)\.(\d\d)\.(\d{4})\b", r"\3-\2-\1", cell)
-    for text in (cell, f"1970-01-01T{cell.removeprefix('T')}") if ":" in cell else ():
-        try:
+    for text in (cell, f"1970-01-01T{cell.removeprefix('T')}"):
+        with contextlib.suppress(ValueError):
             time = datetime.datetime.fromisoformat(text)
-        except ValueError:
-            continue
-        return time.replace(tzinfo=time.tzinfo or datetime.UTC).timestamp()
+            return time.replace(tzinfo=time.tzinfo or datetime.UTC).timestamp()
     return math.nan

@@ -1,15 +1,11 @@
-"""Tables that a library reads: Parquet, MATLAB's .mat, sheets of .xlsx workbooks."""
+"""Arrays as columns, and those of MATLAB's .mat files."""
 
-import contextlib
-import dataclasses
-import itertools
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 
 from glider.campaign.importing.readers import delimited
 from glider.campaign.importing.recording import Column, Group, Recording, need
@@ -19,21 +15,6 @@ from glider.errors import InputError
 _WIDEST = 16  # Columns of a matrix that is looked into.
 
 
-def read_parquet(path: Path) -> Recording:
-    """Reads one table; structs become a.b."""
-    parquet = need("pyarrow.parquet", path)
-    types = need("pyarrow.types", path)
-    table = parquet.read_table(path)
-    while any(types.is_struct(field.type) for field in table.schema):
-        table = table.flatten()
-    columns: dict[str, Column] = {}
-    for name in table.column_names:
-        bare, unit = delimited.split_unit(name)
-        for own, column in to_columns(bare, table[name].to_numpy()).items():
-            columns[own] = dataclasses.replace(column, unit=column.unit or unit)
-    return Recording(path, (Group("", columns),))
-
-
 def to_columns(name: str, values: Any) -> dict[str, Column]:
     """Columns of numbers, times or texts; matrices become name[0], name[1].
 
@@ -41,9 +22,8 @@ def to_columns(name: str, values: Any) -> dict[str, Column]:
     """
     array = np.asarray(values)
     if isinstance(values, np.ma.MaskedArray):
-        missing = np.datetime64("NaT") if array.dtype.kind in "mM" else np.nan
-        kind = float if array.dtype.kind in "iub" else array.dtype
-        array = np.where(np.ma.getmaskarray(values), missing, array.astype(kind))
+        known: Any = values.astype(float) if values.dtype.kind in "iub" else values
+        array = known.filled("NaT" if values.dtype.kind in "mM" else np.nan)
     if array.dtype.kind in "mM":
         return {name: Column((array - array[:1]) / np.timedelta64(1, "s"), "s")}
     if array.dtype.kind in "fiub":
@@ -60,7 +40,7 @@ def read_mat(path: Path) -> list[Recording]:
     are in none belong to all. SciPy, which is there anyway, reads all versions but 7.3.
     """
     try:
-        content = scipy.io.loadmat(path, simplify_cells=True)
+        content = need("scipy.io", path).loadmat(path, simplify_cells=True)
     except NotImplementedError:  # Of version 7.3, says SciPy.
         with warnings.catch_warnings(action="ignore"):
             content = need("pymatreader", path).read_mat(path)
@@ -70,21 +50,21 @@ def read_mat(path: Path) -> list[Recording]:
                 f"{path}: is a .mat file of QTM, whose arrays have no times and no "
                 "names; expected its 6D data as TSV (Export > To TSV)."
             )
-    arrays = list(_arrays("", (), content))
-    places = sorted({place for place, _, _ in arrays})
+    arrays = [*_arrays("", None, content)]
+    found = {place for place, _, _ in arrays if place is not None}
+    places: list[int | None] = [*sorted(found)]
     recordings = []
-    for place in places:
-        if any(place == other[: len(place)] for other in places if other != place):
-            continue  # Others are within it.
+    for place in places or [None]:
         groups: dict[tuple[str, int], dict[str, Column]] = {}
         for own, name, array in arrays:
-            if own == place[: len(own)]:
+            if own in (None, place):
                 parent, _, last = name.rpartition(".")
                 for label, values in _vectors(last, array):
                     groups.setdefault((parent, len(values)), {})[label] = Column(values)
-        here = path.joinpath(*(str(index + 1) for index in place))
-        named = tuple(Group(n, c) for (n, _), c in groups.items())
-        recordings += [Recording(here, named)] if named else []
+        here = path if place is None else path / str(place + 1)
+        if groups:
+            named = tuple(Group(name, own) for (name, _), own in groups.items())
+            recordings.append(Recording(here, named))
     if not recordings:
         raise InputError(
             f"{path}: holds no vector of numbers, or matrix of up to {_WIDEST} columns;"
@@ -95,21 +75,20 @@ def read_mat(path: Path) -> list[Recording]:
 
 
 def _arrays(
-    name: str, place: tuple[int, ...], content: object
-) -> Iterator[tuple[tuple[int, ...], str, np.ndarray]]:
-    """Yields the arrays of numbers, each with the indices of cells around it."""
+    name: str, place: int | None, content: object
+) -> Iterator[tuple[int | None, str, np.ndarray]]:
+    """Yields the arrays of numbers, each with the index of the cell that it is in."""
     if isinstance(content, dict):
         # pymatreader's order of names changes from run to run.
         for field, value in sorted(content.items()):
             if not field.startswith(("__", "#")):
                 yield from _arrays(f"{name}.{field}" if name else field, place, value)
     elif isinstance(content, np.ndarray) and content.dtype.kind in "fiub":
-        if place or max(content.shape, default=0) >= FEWEST_ROWS:
+        if place is not None or max(content.shape, default=0) >= FEWEST_ROWS:
             yield place, name, content
-    elif isinstance(content, (list, np.ndarray)):
+    elif isinstance(content, (list, np.ndarray)) and place is None:
         cells = content if isinstance(content, list) else np.ravel(content).tolist()
-        parts = (_arrays(name, (*place, i), cell) for i, cell in enumerate(cells))
-        inside = list(itertools.chain.from_iterable(parts))
+        inside = [a for i, cell in enumerate(cells) for a in _arrays(name, i, cell)]
         if any(max(array.shape, default=0) >= FEWEST_ROWS for _, _, array in inside):
             yield from inside
 
@@ -132,26 +111,3 @@ def _vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
         if array.shape[1] <= _WIDEST:
             for i, values in enumerate(array.T):
                 yield f"{name}[{i}]", values.astype(float)
-
-
-def read_workbook(path: Path) -> list[Recording]:
-    """Reads the sheets of a workbook that have numbers, each a recording."""
-    openpyxl = need("openpyxl", path)
-    recordings = []
-    reason = InputError(f"{path}: has no sheet of cells.")
-    opened = openpyxl.load_workbook(path, read_only=True, data_only=True)
-    with contextlib.closing(opened) as book:
-        sheets = [sheet for sheet in book.worksheets if sheet.max_row != 0]
-        for sheet in sheets:
-            place = path / sheet.title if len(sheets) > 1 else path
-            cells = sheet.iter_rows(values_only=True)
-            rows = [
-                ["" if v is None else delimited.as_text(v) for v in r] for r in cells
-            ]
-            try:
-                recordings.append(delimited.parse_rows(place, rows))
-            except InputError as error:
-                reason = error
-    if not recordings:
-        raise reason
-    return recordings

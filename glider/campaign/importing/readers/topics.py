@@ -11,9 +11,9 @@ import dataclasses
 import itertools
 import json
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -29,16 +29,18 @@ _NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanos")
 _LONGEST = 16  # Numbers of an array that become columns.
 
 _PX4 = {
-    "position": "vehicle_local_position",
-    "attitude": "vehicle_attitude.q",
-    "elevator_angle_command": "actuator_controls_0.control[1] "
-    "vehicle_torque_setpoint.xyz[1]",
+    "position": ["vehicle_local_position"],
+    "attitude": ["vehicle_attitude.q"],
+    "elevator_angle_command": [
+        "actuator_controls_0.control[1]",
+        "vehicle_torque_setpoint.xyz[1]",
+    ],
 }
 """Topics by quantity, the first that a log has."""
-_ULOG_UNITS = {"timestamp": "us"}
 _ELEVATOR = 3  # Type of a control surface, in PX4's parameters CA_SV_CS0_TYPE, ...
 
 _Decoder = Callable[[bytes], object]
+_Message = tuple[str, int, object]  # Topic, when it was recorded [ns], content.
 
 
 def read_ulog(path: Path) -> Recording:
@@ -48,20 +50,26 @@ def read_ulog(path: Path) -> Recording:
         log = pyulog.ULog(stream)
     groups = []
     for topic in log.data_list:
-        data = {n: np.asarray(v, dtype=float) for n, v in topic.data.items()}
-        columns = {n: Column(v, _ULOG_UNITS.get(n)) for n, v in data.items()}
         name = f"{topic.name}_{topic.multi_id}" if topic.multi_id else topic.name
+        columns = {n: Column(np.asarray(v, float)) for n, v in topic.data.items()}
+        if "timestamp" in columns:
+            columns["timestamp"] = dataclasses.replace(columns["timestamp"], unit="us")
         groups.append(Group(name, columns, "timestamp"))
     if not groups:
         raise InputError(f"{path}: holds no topic; expected a log of a flight.")
-    names = {f"{group.name}.{name}" for group in groups for name in group.columns}
-    names |= {name.partition("[")[0] for name in names} | {g.name for g in groups}
-    known = {q: t for q, ts in _PX4.items() for t in reversed(ts.split()) if t in names}
+    recording = Recording(path, tuple(groups), rotation="wxyz")
+    names = recording.names()
+    known = {}
+    for quantity, topics in _PX4.items():
+        for topic in reversed(topics):
+            starts = (f"{topic}.", f"{topic}[")
+            if any(f"{name}.".startswith(starts) for name in names):
+                known[quantity] = topic
     surfaces = [log.initial_parameters.get(f"CA_SV_CS{k}_TYPE") for k in range(8)]
-    if _ELEVATOR in surfaces and "actuator_servos" in names:
+    if _ELEVATOR in surfaces and any(g.name == "actuator_servos" for g in groups):
         servo = f"actuator_servos.control[{surfaces.index(_ELEVATOR)}]"
         known["elevator_angle_command"] = servo
-    return Recording(path, tuple(groups), rotation="wxyz", known=known)
+    return dataclasses.replace(recording, known=known)
 
 
 def read_bag(path: Path) -> Recording:
@@ -78,39 +86,46 @@ def read_bag(path: Path) -> Recording:
         name = f"{file.parts[-3]}/msg/{file.stem}"
         types |= typesys.get_types_from_msg(file.read_text(), name)
     store.register({n: t for n, t in types.items() if n not in store.fielddefs})
-    topics = _Topics()
     with highlevel.AnyReader([bag], default_typestore=store) as reader:
-        known = [c for c in reader.connections if c.msgtype in reader.typestore.types]
-        for other in (c for c in reader.connections if c not in known):
-            topics.unread[other.topic] = (
+        types = reader.typestore.types
+        known = [c for c in reader.connections if c.msgtype in types]
+        unread = {
+            other.topic: (
                 f"the bag lacks the definition of its type; expected a file "
                 f"{other.msgtype}.msg beside the bag, or the bag as MCAP ('ros2 bag "
                 "convert', where the package is installed)"
             )
-        for connection, recorded, data in reader.messages(known) if known else ():
-            message = reader.deserialize(data, connection.msgtype)
-            topics.add(connection.topic, recorded, message)
-    return topics.recording(path)
+            for other in reader.connections
+            if other.msgtype not in types
+        }
+        messages = (
+            (connection.topic, recorded, reader.deserialize(data, connection.msgtype))
+            for connection, recorded, data in (reader.messages(known) if known else ())
+        )
+        return _collect(path, messages, unread)
 
 
 def read_mcap(path: Path) -> Recording:
-    """Reads messages in JSON, protobuf, or those of ROS 1 and 2."""
+    """Reads messages in JSON, or those of ROS 1 and 2."""
     reader = need("mcap.reader", path)
-    topics = _Topics()
-    decoders: dict[int, _Decoder | None] = {}
-    with path.open("rb") as stream:
+    unread: dict[str, str] = {}
+
+    def messages(stream: BinaryIO) -> Iterator[_Message]:
+        decoders: dict[int, _Decoder | None] = {}
         for schema, channel, message in reader.make_reader(stream).iter_messages():
             if channel.id not in decoders:
                 decoders[channel.id] = _make_decoder(schema, channel, path)
             decode = decoders[channel.id]
-            if decode is None:
-                topics.unread[channel.topic] = (
-                    f"its messages, in {channel.message_encoding}, cannot be read; "
-                    "expected json, protobuf, cdr or ros1"
-                )
-            else:
-                topics.add(channel.topic, message.log_time, decode(message.data))
-    return topics.recording(path)
+            if decode is not None:
+                yield channel.topic, message.log_time, decode(message.data)
+                continue
+            unread[channel.topic] = (
+                f"its messages, in {channel.message_encoding}, cannot be read; "
+                "expected json, cdr or ros1"
+            )
+
+    with path.open("rb") as stream:
+        return _collect(path, messages(stream), unread)
 
 
 def _make_decoder(schema: Any, channel: Any, path: Path) -> _Decoder | None:
@@ -118,9 +133,6 @@ def _make_decoder(schema: Any, channel: Any, path: Path) -> _Decoder | None:
     encoding = channel.message_encoding
     if encoding == "json":
         return json.loads
-    if encoding == "protobuf":
-        decoder = need("mcap_protobuf.decoder", path).DecoderFactory()
-        return decoder.decoder_for(encoding, schema)
     if encoding not in ("cdr", "ros1") or schema.encoding not in ("ros2msg", "ros1msg"):
         return None
     typesys = need("rosbags.typesys", path)
@@ -131,78 +143,66 @@ def _make_decoder(schema: Any, channel: Any, path: Path) -> _Decoder | None:
     return lambda data: deserialize(data, name)
 
 
-class _Topics:
-    """Collects messages, topic by topic."""
-
-    def __init__(self) -> None:
-        self.unread: dict[str, str] = {}  # Why, by topic.
-        self._rows: dict[str, list[dict[str, float]]] = defaultdict(list)
-        self._bodies: dict[str, dict[str, set[str]]] = defaultdict(dict)
-        # By topic and place in its messages, which bodies stand there.
-
-    def add(self, topic: str, recorded: int, message: object) -> None:
-        """Adds a message, and when it was recorded [ns]."""
-        stamp = next(_stamps(dict(_leaves("", message))), 0.0)
-        self._add(topic, recorded, message, stamp)
-        bodies = [("", message)]
+def _collect(
+    path: Path, messages: Iterable[_Message], unread: dict[str, str]
+) -> Recording:
+    """All topics, each in the order of its times, from restart to restart."""
+    topics: dict[str, list[dict[str, float]]] = defaultdict(list)
+    bodies: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    """By topic and place in its messages, which bodies stand there."""
+    for topic, recorded, message in messages:
+        row = dict(_leaves("", message))
+        times = {_STAMP: _find_stamp(row, 0.0), _TIME: recorded * 1e-9}
+        topics[topic].append(row | times)
+        parts = [("", message)]
         for field, value in _fields(message).items():
             if isinstance(value, (list, tuple)):
-                bodies += [(f"{field}[{i}]", part) for i, part in enumerate(value)]
-        for place, body in bodies:
+                parts += [(f"{field}[{i}]", part) for i, part in enumerate(value)]
+        for place, body in parts:
             if name := _name(body):
-                self._bodies[topic].setdefault(place, set()).add(name)
-                self._add(f"{topic}[{name}]", recorded, body, stamp)
+                bodies[topic][place].add(name)
+                own = dict(_leaves("", body))
+                stamp = _find_stamp(own, times[_STAMP])
+                topics[f"{topic}[{name}]"].append(own | times | {_STAMP: stamp})
+    for topic, places in bodies.items():
+        if len(names := places[""]) == 1:  # It need not be named.
+            del topics[f"{topic}[{min(names)}]"]
+        if len(most := max(places.values(), key=len)) > 1:
+            del topics[topic]
+            each = ", ".join(f"{topic}[{own}]" for own in sorted(most)[:6])
+            unread[topic] = (
+                f"its messages are of {len(most)} bodies in turn; expected a column of "
+                f"one: {each}"
+            )
+    groups = [_make_group(topic, rows) for topic, rows in topics.items()]
+    if not groups:
+        words = "; ".join(f"'{topic}': {why}" for topic, why in unread.items())
+        why = words or "it has none"
+        raise InputError(f"{path}: holds no message that can be read: {why}.")
+    return Recording(path, tuple(groups), up="z", unread=unread)
 
-    def _add(self, group: str, recorded: int, message: object, stamp: float) -> None:
-        row = dict(_leaves("", message))
-        times = {_STAMP: next(_stamps(row), stamp), _TIME: recorded * 1e-9}
-        self._rows[group].append(row | times)
 
-    def recording(self, path: Path) -> Recording:
-        """All topics, each in the order of its times, from restart to restart."""
-        groups = []
-        for topic, bodies in self._bodies.items():
-            if len(names := bodies.get("", ())) == 1:  # It need not be named.
-                del self._rows[f"{topic}[{min(names)}]"]
-        for topic, rows in self._rows.items():
-            own = [row.pop(_STAMP) for row in rows]
-            times = np.array(own if any(own) else [row[_TIME] for row in rows])
-            part = np.searchsorted(find_restarts(times), range(len(times)), "right")
-            order = np.lexsort([times, part])
-            columns = {}
-            for name in dict.fromkeys(name for row in rows for name in row):
-                values = np.array([rows[i].get(name, np.nan) for i in order])
-                columns[name] = Column(values, fault=self._fault(topic, name))
-            columns[_TIME] = Column(times[order], "s")
-            groups.append(Group(topic, columns, _TIME))
-        if not groups:
-            words = "; ".join(f"'{t}': {why}" for t, why in self.unread.items())
-            why = words or "it has none"
-            raise InputError(f"{path}: holds no message that can be read: {why}.")
-        return Recording(path, tuple(groups), up="z", unread=self.unread)
-
-    def _fault(self, topic: str, name: str) -> str | None:
-        """What is wrong with a column in which bodies take turns."""
-        for place, names in self._bodies.get(topic, {}).items():
-            if len(names) > 1 and name.startswith(place):
-                each = ", ".join(f"{topic}[{own}]" for own in sorted(names)[:6])
-                return (
-                    f"'{topic}.{name}' is that of {len(names)} bodies in turn; "
-                    f"expected a column of one: {each}."
-                )
-        return None
+def _make_group(topic: str, rows: list[dict[str, float]]) -> Group:
+    stamps = [row.pop(_STAMP) for row in rows]
+    recorded = [row[_TIME] for row in rows]
+    times = np.array(stamps if any(stamps) else recorded)
+    part = np.searchsorted(find_restarts(times), range(len(times)), "right")
+    order = np.lexsort([times, part])
+    names = dict.fromkeys(name for row in rows for name in row)
+    columns = {
+        name: Column(np.array([rows[i].get(name, np.nan) for i in order]))
+        for name in names
+    }
+    columns[_TIME] = Column(times[order], "s")
+    return Group(topic, columns, _TIME)
 
 
 def _fields(message: object) -> dict[str, Any]:
     """The fields of a message by name; none of a number or an array."""
-    if isinstance(message, dict):
-        return message
-    if dataclasses.is_dataclass(message) or hasattr(message, "DESCRIPTOR"):
-        protobuf = getattr(message, "DESCRIPTOR", None)
-        known = protobuf.fields if protobuf else dataclasses.fields(message)  # type: ignore[arg-type]
-        names = [field.name for field in known if not field.name.startswith("__")]
-        return {name: getattr(message, name) for name in names}
-    return {}
+    fields = message if isinstance(message, dict) else {}
+    if dataclasses.is_dataclass(message):
+        fields = vars(message)
+    return {name: own for name, own in fields.items() if not name.startswith("__")}
 
 
 def _name(message: object) -> str:
@@ -224,12 +224,14 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
         for i, part in enumerate(value):
             yield from _leaves(f"{name}[{i}]", part)
     for field, part in _fields(value).items():
-        yield from _leaves(f"{name}.{field}" if name else str(field), part)
+        yield from _leaves(f"{name}.{field}" if name else field, part)
 
 
-def _stamps(row: dict[str, float]) -> Iterator[float]:
-    """Yields the times [s] that a message itself has."""
+def _find_stamp(row: dict[str, float], default: float) -> float:
+    """The time [s] that a message itself has."""
     for stamp, second, fraction in itertools.product(_STAMPS, _SECONDS, _NANOSECONDS):
-        names = f"{stamp}.{second}", f"{stamp}.{fraction}"
-        if all(name in row for name in names):
-            yield row[names[0]] + 1e-9 * row[names[1]]
+        seconds = row.get(f"{stamp}.{second}")
+        rest = row.get(f"{stamp}.{fraction}")
+        if seconds is not None and rest is not None:
+            return seconds + 1e-9 * rest
+    return default
