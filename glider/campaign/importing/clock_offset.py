@@ -59,6 +59,10 @@ class _Offset(NamedTuple):
         """An offset that is ahead by more."""
         return self._replace(seconds=self.seconds + seconds)
 
+    def drifting(self, rate: float) -> "_Offset":
+        """An offset of another rate."""
+        return self._replace(rate=rate)
+
     def is_sure(self, only: float) -> bool:
         """Whether the signals follow one another, and only at this offset."""
         left = 1.0 - self.correlation**2
@@ -242,9 +246,7 @@ def _find_rate(turning: _Turning, common: _Offset) -> _Offset:
     nearby = np.arange(-_NEAR, _NEAR, _STEP)
     offset = common._replace(middle=middle)
     for _ in range(2 * _ROUNDS):  # Flights are unevenly apart.
-        rate = _search(
-            [turning], rates, lambda rate, own=offset: own._replace(rate=rate)
-        )
+        rate = _search([turning], rates, offset.drifting)
         offset = offset._replace(rate=rate.seconds)
         ahead = _search([turning], nearby, offset.moved)
         offset = offset.moved(ahead.seconds)
