@@ -27,7 +27,6 @@ from glider.campaign.checks.rows import find_faults
 from glider.campaign.checks.servo import (
     Elevator,
     check_follows,
-    check_travel,
     follow_sign,
     measure_elevators,
 )
@@ -279,7 +278,6 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
         check_follows(campaign, elevators)
         undecided += _check_elevator(campaign, motions, elevators)
     undecided += check_fall(campaign, motions, says_unknown=True)
-    undecided += check_travel(campaign, elevators)
     return undecided + check_tail(campaign, motions)
 
 
