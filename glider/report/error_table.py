@@ -72,9 +72,9 @@ def error_of(report: Report, model: str, field: str) -> float:
     return math.nan if errors is None else float(attrgetter(field)(errors))
 
 
-def columns_of(*reports: Report) -> list[str]:
-    """Models of which any report has errors, as MODELS orders them."""
-    return [m for m in MODELS if any(r.errors.get(m) for r in reports)]
+def columns_of(report: Report) -> list[str]:
+    """Models of which a report has errors, as MODELS orders them."""
+    return [model for model in MODELS if report.errors.get(model)]
 
 
 def baseline(result: Result) -> str:

@@ -64,12 +64,13 @@ def evaluate(
         for name, model in models.items()
     }
 
-    tables = {name: _table(model, records) for name, model in models.items()}
-    places = [records.index(record) for record in unseen]
+    before = _table(models.get("nominal", models["refitted"]), records)
+    after = _table(models["corrected"], records)
     errors: dict[str, Errors | None] = dict.fromkeys(MODELS)
-    for name, table in tables.items():
+    for name, model in models.items():
+        table = _table(model, unseen)
         with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-            equation = prediction.rms(table.residual[np.isin(table.flight, places)])
+            equation = prediction.rms(table.residual)
 
         errors[name] = prediction.errors_on(unseen, flown[name], equation)
 
@@ -86,11 +87,10 @@ def evaluate(
     tests = hold_out(offered, corrected, others, rng)
 
     own = models["corrected"]
-    after = tables["corrected"]
     first = [*unseen, *(r for r in records if r not in unseen)][:MANY_FLIGHTS]
     truth = without_model_errors(traced, spreads)
     floor = find_floor(own, first, truth, searched.noise.smoothing[2].ratio, rng)
-    noise = prediction.rms(after.noise[np.isin(after.flight, places)])
+    noise = prediction.rms(table.noise)  # Of the corrected model, the last.
     perfect = floor.errors(noise, len(unseen))
     errors[PERFECT] = perfect
     predict = functools.partial(prediction.predict, own)
@@ -123,7 +123,7 @@ def evaluate(
             depends_on=_variables_of(task, traced.judged),
         ),
         "held_out": tuple(shown),
-        "residual_before": tables.get("nominal", tables["refitted"]),
+        "residual_before": before,
         "residual_after": after,
     }, tests
 
@@ -131,9 +131,12 @@ def evaluate(
 def _variables_of(task: Task, model: FitResult) -> tuple[str, ...]:
     """Variables that the remainder of a model varies with, at most three."""
     gains = survey(task, model)
-    real = [name for name, gain in gains.items() if gain > EVIDENCE_THRESHOLD]
-    real.sort(key=lambda name: -gains[name])
-    found = [v for name in real for v in FAMILIES[name].depends_on]
+    found = [
+        variable
+        for name in sorted(gains, key=gains.__getitem__, reverse=True)
+        if gains[name] > EVIDENCE_THRESHOLD
+        for variable in FAMILIES[name].depends_on
+    ]
     return tuple(dict.fromkeys(found))[:3]
 
 
