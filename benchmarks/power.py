@@ -171,7 +171,7 @@ class _Strengths:
         self.flights = flights
         self.gram = np.sum(grams_of(flights, scales), axis=0)[:-1, :-1]
         own = [f.error_only() for f in flights]
-        self.scales, self.least = fit_scales(own, scales)
+        self.scales, self.least, _ = fit_scales(own, scales, iterations=_ITERATIONS)
 
     def size(self, step: np.ndarray, sigmas: float, std: float) -> float:
         """Returns the size of a step that loses ½ sigmas², the scales refitted.
@@ -198,7 +198,7 @@ class _Strengths:
         lost = -self.least
         for sign in (-1.0, 1.0):
             moved = [f.combined(sign * step) for f in self.flights]
-            lost += 0.5 * fit_scales(moved, self.scales).cost
+            lost += 0.5 * fit_scales(moved, self.scales, iterations=_ITERATIONS).cost
         return max(lost / (0.5 * step @ self.gram @ step), _LEAST_SHARE)
 
 
@@ -206,7 +206,7 @@ _LEAST_TOLD = 1e-9
 """Information on a coefficient of its usual scale below which it shows in no flight."""
 
 
-_ROUNDS, _CLOSE, _LEAST_SHARE = 10, 0.03, 0.01
+_ITERATIONS, _ROUNDS, _CLOSE, _LEAST_SHARE = 20, 10, 0.03, 0.01
 """Of a fit of the scales, of the search for a size; how close it need be; and what is
 left at least."""
 

@@ -42,7 +42,7 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     """
     flights = error_flights(task, model)
     # Those of the model may be priors, as in the search along the attitude.
-    fitted, base = fit_scales(flights, model.scales)
+    fitted, base, _ = fit_scales(flights, model.scales)
     values = flight_values(flights, fitted)
     names = [record.name for record in task.records]
     found = {}

@@ -27,6 +27,7 @@ from glider.campaign.checks.rows import find_faults
 from glider.campaign.checks.servo import (
     Elevator,
     check_follows,
+    check_travel,
     follow_sign,
     measure_elevators,
 )
@@ -278,6 +279,7 @@ def check_signs(campaign: Campaign) -> tuple[str, ...]:
         check_follows(campaign, elevators)
         undecided += _check_elevator(campaign, motions, elevators)
     undecided += check_fall(campaign, motions, says_unknown=True)
+    undecided += check_travel(campaign, elevators)
     return undecided + check_tail(campaign, motions)
 
 

@@ -20,7 +20,7 @@ from glider.campaign.checks.masks import (
 from glider.campaign.checks.planarity import find_rolled
 from glider.campaign.checks.rates import check_rates
 from glider.campaign.checks.rows import find_faults, find_hand
-from glider.campaign.checks.servo import check_follows, measure_elevators
+from glider.campaign.checks.servo import check_follows, check_travel, measure_elevators
 from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
@@ -59,6 +59,8 @@ def inspect(campaign: Campaign) -> Inspection:
     kept.drop_short(f" ({_BEYOND})")
     motions = kept.motions()
     warnings = check_fall(kept.campaign, motions)
+    elevators = measure_elevators(kept.campaign, kept.masks)
+    warnings += check_travel(kept.campaign, elevators)
     warnings += check_tail(kept.campaign, motions)
     names = sorted(flight.name for flight in kept.campaign.flights)
     return Inspection(

@@ -1,4 +1,4 @@
-"""How do elevators follow their commands? Their delay and sign.
+"""How do elevators follow their commands? Their delay, sign and gain.
 
 In windows of each flight the elevator's changes are compared with those of a servo
 behind the commands,
@@ -7,6 +7,9 @@ whose path has a delay of up to 0.35 s. The correlation of the changes over all 
 with either sign (a turned sign is traced later), says whether the elevator follows, and
 the delay whether both are on one clock: a delay, a lag or stops of the servo lower the
 correlation; another clock or another flight's commands remove it.
+
+The gain, by which the angles say whether both have one unit, is fitted with a delay and
+a lag, so that a slow servo keeps it, under feedback too, where commands answer its lag.
 """
 
 import math
@@ -14,8 +17,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brute
 
 from glider.campaign.checks.masks import Masks, masks_of
+from glider.campaign.checks.rates import claim_scale
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
@@ -38,7 +43,20 @@ _FOLLOWS = 0.4
 for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for
 commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
-_LEAST_SHOWN = 0.28  # Time of changes that shows a correlation, at least [s].
+_MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
+
+_TRIED = slice(-0.02, 0.355, 0.03), slice(0.003, 0.4, 0.04)
+"""Delays and lags that are tried for the gain [s]: command_delay and servo_lag are less
+than 0.3 s."""
+_FEW = 8  # Flights that show a delay and a lag, about.
+_LONGEST_LAG = 0.36  # Lag above which the gain of a servo is unknown [s].
+_TRAVEL = (0.06, 0.2)
+"""Share by which the travel may be off; calibrated by bench_travel."""
+_SURELY = 5.0  # Standard errors of the gain that must be in it (bench_travel).
+_FEWEST_ROWS = 8  # Of a flight that shows a gain.
+_SCATTER = 0.065
+"""Standard deviation of the gain of one flight, as logs show commands a row late or not
+[-]: measured by bench_travel."""
 
 
 class CommandTape(NamedTuple):
@@ -118,46 +136,74 @@ class Elevator(NamedTuple):
         )
 
 
-def measure_elevators(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
-    """Elevators of a campaign's flights; none without a servo."""
+def measure_elevators(
+    campaign: Campaign, masks: Mapping[str, Masks], *, at_rows: bool = True
+) -> list[Elevator]:
+    """Elevators of a campaign's flights; none without a servo.
+
+    Commands begin at the rows that show them first, or where a clock gave them.
+    """
     elevators = []
     for flight in campaign.flights if campaign.elevator == "servo" else ():
-        assert flight.elevator is not None
+        assert flight.elevator is not None and flight.command is not None
         mask = masks_of(flight, masks)
         piece = slice(mask.first, mask.last)
+        time = flight.time[piece]
         rows = np.flatnonzero(~mask.elevator[piece])
         angle = flight.elevator[piece][rows]
-        tape = command_tape(flight, mask, campaign.switch_rate)
-        elevators.append(Elevator(flight.name, flight.time[piece], rows, angle, tape))
+        if at_rows:
+            rest = float(angle[0]) if len(angle) else 0.0
+            tape = CommandTape(time, flight.command[piece], rest)
+        else:
+            tape = command_tape(flight, mask, campaign.switch_rate)
+        elevators.append(Elevator(flight.name, time, rows, angle, tape))
     return elevators
+
+
+def _changes_of(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (2, k) of windows in a log (n,) [s], and by how much an angle changes."""
+    begin = np.arange(time[0], time[-1] - _WINDOW, 0.5 * _WINDOW)
+    ends = np.stack([begin, begin + _WINDOW])
+    return ends, np.diff(np.interp(ends, time, angle), axis=0)[0]
 
 
 def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
     """Refuses an elevator that does not follow its commands, or precedes them."""
     if not elevators:
         return
-    ranges = [np.ptp(each.follow(each.time)) for each in elevators]
-    ranges += [np.ptp(each.angle) for each in elevators if len(each.angle)]
-    if max(ranges) < _MOVES:
+    commanded = max(float(np.ptp(each.follow(each.time))) for each in elevators)
+    moved = max(float(np.ptp(each.angle)) for each in elevators if len(each.angle))
+    if commanded < _MOVES and moved < _MOVES:
         return
-    ahead, lag = calc_correlation(elevators, _BOTH_WAYS, campaign.limits)
-    if abs(ahead) < _FOLLOWS:
+    if min(moved, commanded) < _MOVES:
+        raise InputError(
+            f"{campaign.path}: column 'elevator' moves by {moved:.2g} rad at most, and "
+            f"'elevator_rate_command' would move it by {commanded:.2g} rad; expected "
+            "its measured angle, and the commands that were given."
+        )
+    servo = campaign.limits
+    ahead, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
+    correlation = ahead
+    if -delay > _LEADS:
+        correlation, _ = calc_correlation(elevators, servo=servo)
+    follows = abs(correlation)
+    if follows < _FOLLOWS:
         shifted, shift = calc_correlation(elevators, _SHIFTS)
-        hint = f"; shifted by {shift:.2f} s they do" if abs(shifted) > 0.8 else ""
+        hint = ""
+        if abs(shifted) > 2 * _FOLLOWS:
+            hint = f"; shifted by {shift:.2f} s they do"
         raise InputError(
             f"{campaign.path}: column 'elevator' does not follow "
-            f"'elevator_rate_command' (their rates correlate by {abs(ahead):.2f} at "
-            f"any delay up to {_DELAYS[-1]:.2g} s{hint}); expected both on the clock "
-            "of 'time'."
+            f"'elevator_rate_command' (their rates correlate by {follows:.2f} at any "
+            f"delay up to {_DELAYS[-1]:.2g} s{hint}); expected both on the clock of "
+            "'time'."
         )
-    if lag >= -_LEADS:
-        return
     # Under feedback a slow servo swings: a period before, and turned half a period
     # before, commands explain it about as well.
-    behind, _ = calc_correlation(elevators, _DELAYS, campaign.limits)
-    if 1.0 - behind**2 > _AS_GOOD * (1.0 - ahead**2):
+    is_clear = 1.0 - correlation**2 > _AS_GOOD * (1.0 - ahead**2)
+    if -delay > _LEADS and is_clear:
         raise InputError(
-            f"{campaign.path}: column 'elevator' moves {-lag:.3f} s before "
+            f"{campaign.path}: column 'elevator' moves {-delay:.3f} s before "
             "'elevator_rate_command'; expected both on the clock of 'time'."
         )
 
@@ -177,41 +223,107 @@ def calc_correlation(
     Where an elevator slows down before a stop of the servo, it follows no command. Both
     are nan where too few changes are known to judge: no comparison with them holds.
     """
-    sums = np.zeros((4, len(delays)))
-    for elevator in elevators:
-        sums += _compare(elevator, delays, servo)
-    turned, together, ordered, count = sums
-    correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
-    is_shown = count >= _LEAST_SHOWN
-    if not is_shown.any():
+    parts = [_compare(elevator, delays, servo) for elevator in elevators]
+    if not parts:
         return math.nan, math.nan
-    best = int(np.argmax(np.where(is_shown, np.abs(correlation), -1.0)))
+    turned, together, ordered, count = np.concatenate(parts, axis=-1).sum(axis=-1)
+    correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
+    size = np.abs(correlation)
+    best = int(np.argmax(np.where(count < _MIN_CHANGES, -np.inf, size)))
+    if count[best] < _MIN_CHANGES:
+        return math.nan, math.nan
     return float(correlation[best]), float(delays[best])
 
 
 def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray:
-    """Compares changes of an elevator from row to row of a window's length, (4, d).
+    """Compares changes of an elevator with the commanded ones, (4, delays, k).
 
-    For each of d delays the sums of its squares, products with the commanded changes,
-    squares of these, and the time [s] that they show. Changes count where commands are
-    known, away from stops.
+    Squared changes of the elevator, products with the commanded ones, squares of these,
+    and 1. All are 0 where commands are not known, or near a stop.
     """
-    time = elevator.seen
-    if len(time) < 2:
-        return np.zeros((4, len(delays)))
-    step = float(np.median(np.diff(time)))
-    rows = max(round(_WINDOW / step), 1)
+    if len(elevator.rows) < 2:
+        return np.zeros((4, len(delays), 0))
+    ends, change = _changes_of(elevator.seen, elevator.angle)
+    time = elevator.time
+    after = np.clip(np.searchsorted(time, ends), 1, len(time) - 1)
+    share = (ends - time[after - 1]) / (time[after] - time[after - 1])
     late = delays[:, None]
     path = elevator.follow(time - late)
-    ordered = path[:, rows:] - path[:, :-rows]
-    change = elevator.angle[rows:] - elevator.angle[:-rows]
+    # Between rows, as the log has them: a path that turns there counts less.
+    shown = path[:, after - 1]
+    shown += share * (path[:, after] - shown)
+    ordered = shown[:, 1] - shown[:, 0]
+    is_known = (ends[0] - late >= time[0]) & (ends[1] - late <= time[-1])
     slowing = STOPPING_TIME * stops.rate if math.isfinite(stops.rate) else 0.0
-    is_free = (elevator.angle >= stops.low + slowing) & (
-        elevator.angle <= stops.high - slowing
-    )
-    is_known = is_free[rows:] & is_free[:-rows]
-    is_known = is_known & (time[:-rows] - late >= elevator.time[0])
-    is_known &= time[rows:] - late <= elevator.time[-1]
+    angles = np.interp(ends, elevator.seen, elevator.angle)
+    is_near = (angles < stops.low + slowing) | (angles > stops.high - slowing)
+    is_known &= ~is_near.any(axis=0)
     one = np.ones_like(ordered)
-    products = one * change**2, ordered * change, ordered**2, one * step
-    return (np.stack(products) * is_known).sum(axis=-1)
+    return np.stack([one * change**2, ordered * change, ordered**2, one]) * is_known
+
+
+def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str, ...]:
+    """Warns of an elevator that turns farther or less than commanded, or refuses it.
+
+    An elevator in another unit, or behind a gear, turns all commands into other forces.
+    """
+    if not elevators:
+        return ()
+    gain, error = _calc_travel(elevators, campaign.limits)
+    words = (
+        f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
+        "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
+    )
+    gain = max(gain, 1e-9)
+    return claim_scale(campaign, gain, _SURELY * error / gain, _TRAVEL, words)
+
+
+def _calc_travel(
+    elevators: Sequence[Elevator], limits: Servo = NO_LIMITS
+) -> tuple[float, float]:
+    """Measured over commanded travel without its sign, and its standard error.
+
+    Least squares over all flights, of a delay and a lag that fit a few of them. The
+    servo keeps its limits, or none if that fits better: those of commands in another
+    unit are others. The error is what flights scatter by; it is infinite if the lag is
+    too long.
+    """
+    shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
+    if not shown:
+        return 0.0, math.inf
+    few = shown[:: max(1, len(shown) // _FEW)]
+    fits = []
+    for own in (limits, NO_LIMITS):
+
+        def left(late: np.ndarray, own: Servo = own) -> float:
+            return _compare_travel(few, _late_servo(own, late))[0]
+
+        servo = _late_servo(own, brute(left, _TRIED))
+        fits.append((*_compare_travel(shown, servo), servo.lag))
+    _, gain, lag = min(fits)
+    error = _SCATTER / math.sqrt(len(shown))
+    if lag > _LONGEST_LAG and gain <= 1.0:
+        error = math.inf
+    return gain, error
+
+
+def _late_servo(limits: Servo, late: np.ndarray) -> LateServo:
+    """A servo with a delay and a lag (2,) [s]."""
+    return LateServo(limits, float(late[0]), abs(float(late[1])))
+
+
+def _compare_travel(
+    elevators: Sequence[Elevator], servo: LateServo
+) -> tuple[float, float]:
+    """Squares that a servo leaves of elevators [rad²], and their gain over its path."""
+    measured = []
+    paths = []
+    for elevator in elevators:
+        path = elevator.follow(elevator.seen, servo)
+        measured.append(elevator.angle - np.mean(elevator.angle))
+        paths.append(path - np.mean(path))
+    angle = np.concatenate(measured)
+    path = np.concatenate(paths)
+    gain = float(angle @ path) / max(float(path @ path), 1e-30)
+    left = float(np.sum((angle - gain * path) ** 2))
+    return left, abs(gain)

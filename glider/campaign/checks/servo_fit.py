@@ -38,8 +38,8 @@ _FREE = ("low",), ("high",), ("rate",), ("low", "high", "rate")
 """Limits that a servo may have of its own: the first that explain the elevators."""
 _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
 _SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
-_LONGEST_DELAY = 0.3  # [s]
-_LONGEST_LAG = 0.5  # [s]
+_LONGEST = (0.3, 0.5)  # Delay and lag [s].
+_STEPS = (0.01, 0.01)  # Of delay and lag, to scale them [s].
 _NEAR_STOP = 0.05  # Distance from a stop where a servo may slow down [rad].
 _SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
 _LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
@@ -69,7 +69,11 @@ def identify_servo(
         limited = _fit(elevators, servo, log.command_std, free)
         if _explains(limited, elevators):
             return _with_limits(campaign, limited.limits)
-    return _with_departures(campaign, servo, elevators)
+    # A few flights may be odd: the others are left as they are.
+    odd = [each for each in elevators if not _explains(servo, [each])]
+    others = [each for each in elevators if _explains(servo, [each])]
+    few = odd if others and _explains(servo, others) else elevators
+    return _with_departures(campaign, servo, few)
 
 
 def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> float:
@@ -82,7 +86,7 @@ def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> fl
 
 def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
     """Elevators of flights with enough rows, behind commands by their clock."""
-    elevators = measure_elevators(campaign, masks)
+    elevators = measure_elevators(campaign, masks, at_rows=False)
     return [each for each in elevators if len(each.rows) >= _FEWEST_ROWS]
 
 
@@ -96,7 +100,7 @@ def _find_rest(elevator: Elevator, servo: LateServo) -> float:
     low, high, _ = servo.limits
     moves_freely = (path > low + _NEAR_STOP) & (path < high - _NEAR_STOP)
     free = np.logical_and.accumulate(moves_freely)
-    if not free.any():
+    if free.all() or not free.any():
         return rest
     return rest + float(np.median((elevator.angle - path)[free]))
 
@@ -146,41 +150,41 @@ def _fit(
     commands = np.concatenate([each.tape.commands for each in elevators])
     low = float(np.min(angles))
     high = float(np.max(angles))
+    middle = 0.5 * (low + high)
     span = high - low
     fastest = float(np.max(np.abs(commands)))
-    # Least and most of each, where it begins, and its scale.
-    of_limits = {
-        "low": (low - span, low + 0.5 * span, low, 0.1),
-        "high": (high - 0.5 * span, high + span, high, 0.1),
+    ranges = {  # Least and most of each limit, where it begins, and its scale.
+        "low": (low - span, middle, low, 0.1),
+        "high": (middle, high + span, high, 0.1),
         "rate": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
     }
 
     def servo_of(numbers: np.ndarray) -> LateServo:
         delay, lag, *values = map(float, numbers)
-        limits = start.limits._replace(**dict(zip(free, values, strict=True)))
-        return LateServo(limits, delay, lag)
+        own = dict(zip(free, values, strict=True))
+        return LateServo(start.limits._replace(**own), delay, lag)
 
     def errors(numbers: np.ndarray) -> np.ndarray:
         servo = servo_of(numbers)
         return np.concatenate([_lasting_errors(each, servo) for each in elevators])
 
+    least = [-_SURE * clock_std, 0.0, *(ranges[name][0] for name in free)]
+    most = [*_LONGEST, *(ranges[name][1] for name in free)]
+    scales = [*_STEPS, *(ranges[name][3] for name in free)]
     fits = []
-    for delay, lag in _STARTS:
-        ranges = [(-_SURE * clock_std, _LONGEST_DELAY, delay, 0.01)]
-        ranges += [(0.0, _LONGEST_LAG, lag, 0.01), *(of_limits[name] for name in free)]
-        least, most, begin, scale = zip(*ranges, strict=True)
+    for late in (_STARTS[0], start[1:]) if free else _STARTS:
         # Large errors weigh less: a lost command says nothing of the servo.
         fit = least_squares(
             errors,
-            begin,
+            [*late, *(ranges[name][2] for name in free)],
             bounds=(least, most),
-            x_scale=scale,
+            x_scale=scales,
             diff_step=_DIFFERENCE,
             loss="soft_l1",
             f_scale=_USUAL_ERROR,
         )
-        fits.append(fit)
-    return servo_of(min(fits, key=lambda fit: fit.cost).x)
+        fits.append(servo_of(fit.x))
+    return min(fits, key=lambda servo: _departures(servo, elevators).evidence)
 
 
 def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str, ...]]:
@@ -208,29 +212,36 @@ def _with_departures(
 ) -> tuple[Campaign, tuple[str, ...]]:
     """Returns the campaign with its elevators' departures from a servo."""
     found = _departures(servo, elevators)
+    times = {flight.name: flight.time for flight in campaign.flights}
     curves = {}
     shares = []
     for each in elevators:
-        smoothed = smoothing_maps(each.seen, each.seen, found.ratio, _ORDER)[0]
-        shares.append(np.mean(smoothed.diagonal()))
-        curves[each.name] = smoothed @ _errors(each, servo)
+        query = np.append(times[each.name], each.seen)
+        query = np.clip(query, each.seen[0], each.seen[-1])
+        smoothed = smoothing_maps(each.seen, query, found.ratio, _ORDER)[0]
+        count = len(times[each.name])
+        shares.append(np.mean(smoothed[count:].diagonal()))
+        curves[each.name] = smoothed[:count] @ _errors(each, servo)
     share = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0)
-    flights = {flight.name: flight for flight in campaign.flights}
+    departures = {}
     for each in elevators:
-        own = flights[each.name]
-        curve = np.interp(own.time, each.seen, curves[each.name])
+        curve = curves[each.name]
         rest = _find_rest(each, servo)
-        departure = Departure(curve, rest, share * found.noise)
-        flights[each.name] = dataclasses.replace(own, departure=departure)
-    worst = max(elevators, key=lambda each: np.abs(curves[each.name]).max())
-    sizes = np.abs(curves[worst.name])
+        departures[each.name] = Departure(curve, rest, share * found.noise)
+    flights = [
+        dataclasses.replace(flight, departure=departures.get(flight.name))
+        for flight in campaign.flights
+    ]
+    largest = {name: float(np.max(np.abs(curve))) for name, curve in curves.items()}
+    worst = max(largest, key=largest.__getitem__)
+    when = times[worst][np.argmax(np.abs(curves[worst]))]
     rms = math.sqrt(np.mean([np.var(curve) for curve in curves.values()]))
     sentence = (
         f"The elevator departs from its commands by {1e3 * rms:.2g} mrad (RMS; its "
-        f"noise is {1e3 * found.noise:.2g}), in {worst.name} by {np.max(sizes):.2g} "
-        f"rad at {worst.seen[np.argmax(sizes)]:.3g} s, whatever its delay, lag and "
-        "limits: are commands lost or rounded, has it play, or another lag under load? "
-        "Flights are replayed along the measured elevator."
+        f"noise is {1e3 * found.noise:.2g}), in {worst} by {largest[worst]:.2g} rad at "
+        f"{when:.3g} s, whatever its delay, lag and limits: are commands lost or "
+        "rounded, has it play, or another lag under load? Flights are replayed along "
+        "the measured elevator."
     )
-    changed = dataclasses.replace(campaign, flights=tuple(flights.values()))
+    changed = dataclasses.replace(campaign, flights=tuple(flights))
     return changed, (sentence,)

@@ -24,10 +24,13 @@ _LEAST_JITTER = 2e-5  # At 10 m/s 0.2 mm, less than cameras' noise [s].
 _LEAST_RATIO = 1e-3  # Of two noises: that of the stamps may be zero.
 _STENCIL = 5  # Rows of a fourth difference.
 _SURELY = 6.0  # Standard deviations above which a fourth difference is none of noise.
-_LEAST_MOVE = 1e-9  # Way of a frame that is none of rounding [m].
-_AROUND = 9  # Ways of frames, of which the median is the usual one.
+_EXPLAINED = 0.1
+"""Share of the squares of fourth differences that lost frames must leave at most."""
+_LEAST_MOVE = 1e-9  # Fourth difference that is none of rounding [m].
+_MOST_LOST = 5  # Frames lost at one place, which the motion counts.
 _GAP = 4.0  # Steps of a gap that parts a log in two, each on a clock of its own.
 _DELAYED = 13  # Rows within which a delay has passed.
+_MOST_PLACES = 60  # Places that are examined.
 _SAME_RATE = 0.02  # Share by which a rate of frames may be off, as in `check_rates`.
 _FEWEST = 20  # Rows from which a rate of frames is taken, at least.
 _LONG = 241  # Rows over which a clock is even: frames may be lost while nothing moves.
@@ -92,17 +95,23 @@ def _even_times_of(
     if not place.size:
         return None
     even = stamps.copy()
+    gain = 0.0
     rates = []
     for rows in _split_at_gaps(stamps):
-        if len(rows) >= _FEWEST:
-            ticks = np.arange(len(rows)) + _count_lost(place[rows])
-            even[rows], step = _restore(stamps[rows], ticks, rate)
-            rates.append(1.0 / step)
-    noise = _noise(stamps, place)
-    quiet = _noise(even, place)
-    is_noisy = quiet > 0.0  # Without noise nothing is likelier.
-    ratio = np.maximum(noise[is_noisy] / quiet[is_noisy], _LEAST_RATIO)
-    gain = len(stamps) * float(np.sum(np.log(ratio)))
+        if len(rows) < _FEWEST:
+            continue
+        own = stamps[rows]
+        ticks = np.arange(len(rows)) + _find_lost(place[rows])
+        restored, step = _restore(own, ticks, rate)
+        rates.append(1.0 / step)
+        if restored is None:
+            continue
+        even[rows] = restored
+        noise = _noise(own, place[rows])
+        quiet = _noise(restored, place[rows])
+        is_noisy = quiet > 0.0  # Without noise nothing is likelier.
+        ratio = np.maximum(noise[is_noisy] / quiet[is_noisy], _LEAST_RATIO)
+        gain += len(rows) * float(np.sum(np.log(ratio)))
     jitter = float(np.std(stamps - even))
     if gain < _LEAST_GAIN or jitter < _LEAST_JITTER:
         return None
@@ -111,11 +120,11 @@ def _even_times_of(
 
 def _restore(
     stamps: np.ndarray, ticks: np.ndarray, rate: float | None
-) -> tuple[np.ndarray, float]:
+) -> tuple[np.ndarray | None, float]:
     """Even times (n,) of rows between gaps by the ticks of a clock, and its step [s].
 
-    The stamps where frames were lost and the motion does not show it. The clock has the
-    rate of the cameras [Hz], if it is about that.
+    None where frames were lost and the motion does not show it. The clock has the rate
+    of the cameras [Hz], if it is about that.
     """
     step = _find_step(stamps, ticks)
     jitter = robust_std(np.diff(stamps - step * ticks)) / math.sqrt(2.0)
@@ -124,22 +133,23 @@ def _restore(
         step = 1.0 / rate
     late = stamps - step * ticks
     if len(stamps) > _LONG:
-        return step * ticks + _filter_median(late, _LONG), step
+        from scipy.ndimage import median_filter  # It takes long to import.
+
+        return step * ticks + median_filter(late, _LONG, mode="nearest"), step
     third = len(stamps) // 3
     later = np.median(late[-third:]) - np.median(late[:third])
     spread = jitter * math.sqrt(np.pi / third)  # Of the difference of two medians.
     if abs(later) < 0.5 * step + _SURELY * spread:
         return step * ticks + np.mean(late), step
-    return stamps, step
+    return None, step
 
 
 def _split_at_gaps(time: np.ndarray) -> list[np.ndarray]:
     """Rows between gaps: delays pass within a few rows, and lost frames stay lost."""
-    from scipy.ndimage import minimum_filter1d  # It takes long to import.
-
     rows = np.arange(len(time))
     late = time / np.median(np.diff(time)) - rows
-    lasting = minimum_filter1d(late, _DELAYED, origin=-(_DELAYED // 2), mode="nearest")
+    following = np.pad(late, (0, _DELAYED - 1), mode="edge")
+    lasting = np.lib.stride_tricks.sliding_window_view(following, _DELAYED).min(axis=1)
     gaps = np.flatnonzero(np.diff(lasting) > _GAP) + 1
     return np.split(rows, gaps)
 
@@ -151,21 +161,44 @@ def _find_step(time: np.ndarray, ticks: np.ndarray) -> float:
     return float(np.median(duration / (ticks[half:] - ticks[:-half])))
 
 
-def _count_lost(position: np.ndarray) -> np.ndarray:
+def _find_lost(position: np.ndarray) -> np.ndarray:
     """Numbers (n,) of frames lost so far: a moving body jumps by their way."""
-    ways = np.linalg.norm(np.diff(position, axis=0), axis=1)
-    usual = _filter_median(ways, _AROUND)
-    noise = np.linalg.norm(_noise(np.arange(float(len(position))), position))
-    shown = usual > max(_SURELY * noise, _LEAST_MOVE)
-    ratio = np.divide(ways, usual, out=np.ones(len(ways)), where=shown)
-    return np.append(0.0, np.cumsum(np.maximum(np.rint(ratio) - 1.0, 0.0)))
+    rows = np.arange(len(position), dtype=float)
+    lost = np.zeros(len(position), dtype=int)
+    surely = np.maximum(_SURELY * _noise(rows, position), _LEAST_MOVE)
+    examined = np.zeros(len(position), dtype=bool)
+    for _ in range(_MOST_PLACES):
+        differences, _ = fourth_differences(rows + lost, position)
+        excess = np.abs(differences / surely).max(axis=1)
+        excess[examined[: len(excess)]] = 0.0
+        worst = int(np.argmax(excess))
+        if not excess[worst] > 1.0:
+            break
+        row, count = _explain(rows + lost, position, worst)
+        lost[row:] += count
+        if not count:
+            examined[worst : worst + _STENCIL] = True
+    return lost
 
 
-def _filter_median(values: np.ndarray, rows: int) -> np.ndarray:
-    """Medians (n,) over so many rows about each."""
-    from scipy.ndimage import median_filter  # It takes long to import.
+def _explain(ticks: np.ndarray, position: np.ndarray, worst: int) -> tuple[int, int]:
+    """The row before which frames were lost about a stencil, and how many; 0: none."""
+    around = slice(max(worst - _STENCIL, 0), worst + 2 * _STENCIL)
+    own = ticks[around]
+    least = _EXPLAINED * _energy(own, position[around])
+    best = (worst, 0)
+    for row in range(worst + 1, worst + _STENCIL):
+        for count in range(1, _MOST_LOST + 1):
+            energy = _energy(own + count * (own >= ticks[row]), position[around])
+            if energy < least:
+                least = energy
+                best = (row, count)
+    return best
 
-    return median_filter(values, rows, mode="nearest")
+
+def _energy(ticks: np.ndarray, position: np.ndarray) -> float:
+    differences, _ = fourth_differences(ticks, position)
+    return float(np.sum(differences**2))
 
 
 def _noise(time: np.ndarray, position: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from glider.errors import InputError
 from glider.physics.held_commands import command_steps, latest_command
 from glider.physics.parameters import MAX_ANGLE
 
+_LEAST_LIMIT = 0.1  # Of a limit that is measured [rad/s].
 _REACH = 1.5  # Ratio to the elevator's limits that commands reach at most.
 _SLACK = 0.1  # Time of a flight that the servo's log may miss at either end [s].
 _BEFORE = 0.5  # Time of a log before and after a flight that is looked at [s].
@@ -108,10 +109,13 @@ def _from_angles(
     """
     limit = settings.elevator_rate_limit
     if limit is None:
-        raise InputError(
-            f"{source}: vehicle: elevator_rate_limit is missing; expected it where "
-            "angles are commanded, to make rates of them."
-        )
+        if measured is None:
+            raise InputError(
+                f"{source}: vehicle: elevator_rate_limit is missing; expected it where "
+                "angles are commanded, to make rates of them."
+            )
+        rate = _row_rates(time, savgol_filter(measured, 5, 2))
+        limit = max(float(np.max(np.abs(rate))), _LEAST_LIMIT)
     step = asked.step
     goals = asked.values[:, 0]
     if settings.elevator_limits is not None:

@@ -329,7 +329,7 @@ def saturated(candidates: Candidates, rounds: int) -> FitResult:
         gram = model_fit.grams_of(candidates.flights, scales).sum(axis=0)
         change = solve(prior.added_to(gram))
         flights = [f.combined(change) for f in candidates.flights]
-        scales = fit_scales(flights, scales, rounds=2).scales
+        scales = fit_scales(flights, scales, iterations=3).scales
 
     model = dataclasses.replace(model, scales=scales)
     own = model_fit.in_surroundings(candidates.task, model, flights).about

@@ -1,7 +1,7 @@
 """Coefficients, free functions and scales fitted together to the flights of a campaign.
 
 Gauss-Newton on the filter's innovations, which are linear in the coefficients about
-each linearization; steps of the scales in between.
+each linearisation, and Fisher scoring for the scales in between.
 """
 
 import dataclasses
@@ -174,6 +174,7 @@ def fit_model(
     step = None
     tries = 0
     current = model
+    curvature = None
     about_moves = True
     promised = np.inf
     flights = now = list[LinearFlight]()
@@ -185,8 +186,13 @@ def fit_model(
         if not iteration and len(free_scales) == len(NAMES):
             scales = lifted(scales)
         if free_scales:
-            rounds = 1 if iteration else 3
-            scales, value = fit_scales(now, scales, free_scales, rounds)
+            scales, value, curvature = fit_scales(
+                now,
+                scales,
+                free_scales,
+                iterations=2 if iteration else 6,
+                curvature=curvature,
+            )
         else:
             value = float(negative_log_likelihood(now, scales).sum())
 

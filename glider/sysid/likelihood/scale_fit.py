@@ -1,21 +1,21 @@
-"""The fit of the scales of noise to flights, by sequential quadratic programming."""
+"""The fit of the scales of noise to flights: Fisher scoring and BFGS."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import LinearConstraint, minimize
 
 from glider.compiled.parallel import in_parallel
 from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood.filtering import score, whiten
+from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scales import CEILING, FLOOR, NAMES, Scales
 
+_MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
-_LARGEST_STEP = 1.0  # Of a logarithm in a round.
-_STEPS = 2  # Of a round.
-_LEAST_FISHER = 0.1  # Information on a logarithm that there always is.
+_LARGEST_STEP = 0.7  # Of a logarithm: a scale at most doubles.
+_LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
 
 # Prior of the logarithms. Flights in nearly still air do not determine the gusts' time:
 # its range is two standard deviations either way. The others have none.
@@ -44,63 +44,79 @@ class _FittedScales(NamedTuple):
 
     scales: Scales
     cost: float  #: Negative log-likelihood there [nats].
+    #: Second derivatives by the logarithms of all scales, for another fit.
+    curvature: np.ndarray | None
 
 
 def fit_scales(
     flights: Sequence[LinearFlight],
     scales: Scales,
     free: Sequence[str] = NAMES,
-    rounds: int = 20,
+    iterations: int = 8,
     tolerance: float = 0.05,
+    curvature: np.ndarray | None = None,
 ) -> _FittedScales:
-    """Maximises the likelihood of the scales.
+    """Maximises the likelihood of the scales by Fisher scoring, damped.
 
-    Those in `free` are fitted to flights with one column, their error, until a round
-    gains less than `tolerance` [nats]. The slopes are exact; each round steps in
-    coordinates in which the information of a few flights is one where it begins.
+    Those in `free` are fitted to flights with one column, their error, until less than
+    `tolerance` would be gained [nats]. The slopes are exact; the information is that of
+    a few flights, at scales nearby, which suffices.
     """
-    index = [NAMES.index(name) for name in free]
-    logs = np.clip(scales.logs, FLOOR.logs, CEILING.logs)
-    value = np.inf
-    for _ in range(rounds if flights and free else 0):
-        before, value, logs = _step(flights, logs, index, tolerance)
-        if not before - value >= tolerance:  # Or it diverges.
+    index = np.array([NAMES.index(name) for name in free], dtype=int)
+    low = FLOOR.logs
+    high = CEILING.logs
+    logs = np.clip(scales.logs, low, high)
+    damping = 0.0
+    is_given = curvature is not None  # Of another model, whose errors may be larger.
+    value, slopes = _score(flights, logs)
+    # Else there is none, or it diverges.
+    begins = bool(flights and free) and np.isfinite(value)
+    for _ in range(iterations + is_given if begins else 0):
+        if curvature is None:
+            curvature = _information(flights, logs, index)
+        fisher = curvature[np.ix_(index, index)]
+        if not np.all(np.isfinite(fisher)):
+            curvature = None
             break
-    return _FittedScales(Scales.from_logs(logs), value)
 
+        fisher += np.diag(_PRECISION[index] + _LEAST_FISHER)
+        system = np.pad(fisher, (0, 1))
+        system[:-1, -1] = -slopes[index]
+        least = np.maximum(low - logs, -_LARGEST_STEP)[index]
+        most = np.minimum(high - logs, _LARGEST_STEP)[index]
+        gained = 0.0
+        while damping <= _MOST_DAMPING:
+            system[:-1, :-1] = fisher + (damping + 1e-6) * np.diag(np.diag(fisher))
+            own = bounded_step(system, least, most)
+            moved = logs.copy()
+            moved[index] += own
+            moved = np.clip(moved, low, high)
+            promised = -float(slopes[index] @ own)
+            if promised < tolerance:
+                break
+            lower, there = _score(flights, moved)
+            if lower < value:
+                step = moved - logs
+                change = there - slopes - _PRECISION * step
+                is_far = np.abs(own).max() >= _LARGEST_STEP
+                curvature = None if is_far else _updated(curvature, step, change)
+                gained = value - lower
+                slopes = there
+                logs = moved
+                value = lower
+                damping = 0.1 * damping if damping > 1e-2 else 0.0
+                break
 
-def _step(
-    flights: Sequence[LinearFlight],
-    logs: np.ndarray,
-    index: Sequence[int],
-    tolerance: float,
-) -> tuple[float, float, np.ndarray]:
-    """Returns the cost of the scales and of likelier ones [nats], and their logs."""
-    information = _information(flights, logs, index)
-    if not np.all(np.isfinite(information)):
-        return np.inf, np.inf, logs
-    basis = np.linalg.inv(np.linalg.cholesky(information)).T
-    tried: list[tuple[float, np.ndarray]] = []
+            damping = max(10.0 * damping, 0.1)
 
-    def cost(step: np.ndarray) -> tuple[float, np.ndarray]:
-        own = logs.copy()
-        own[index] += basis @ step
-        own = np.clip(own, FLOOR.logs, CEILING.logs)
-        value, slopes = _score(flights, own)
-        tried.append((value, own))
-        return value, slopes[index] @ basis
+        if gained < tolerance:
+            if not is_given:
+                break
+            curvature = None
+            damping = 0.0
+            is_given = False
 
-    least = np.maximum(FLOOR.logs - logs, -_LARGEST_STEP)[index]
-    most = np.minimum(CEILING.logs - logs, _LARGEST_STEP)[index]
-    minimize(
-        cost,
-        np.zeros(len(index)),
-        jac=True,
-        method="SLSQP",
-        constraints=LinearConstraint(basis, least, most),
-        options={"maxiter": _STEPS, "ftol": tolerance},
-    )
-    return tried[0][0], *min(tried, key=lambda pair: pair[0])
+    return _FittedScales(Scales.from_logs(logs), value, curvature)
 
 
 def _score(
@@ -117,22 +133,40 @@ def _score(
 
 
 def _information(
-    flights: Sequence[LinearFlight], logs: np.ndarray, index: Sequence[int]
+    flights: Sequence[LinearFlight], logs: np.ndarray, index: np.ndarray
 ) -> np.ndarray:
-    """Returns the information of flights and prior on some scales' logarithms."""
+    """Returns the information of flights on logarithms of some scales, of a few."""
     steps = _STEP_OF_LOG * np.eye(len(logs))[index]
     moved = [Scales.from_logs(logs + s) for s in steps]
     scales = Scales.from_logs(logs)
     few = typical_flights(flights)
 
-    @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def one(flight: LinearFlight) -> np.ndarray:
-        found = [whiten(flight, own) for own in (scales, *moved)]
-        w = np.array([own.innovations.ravel() for own in found])
-        v = np.array([own.log_variances.ravel() for own in found])
-        half = 0.5 * (v[1:] - v[0]) / _STEP_OF_LOG
-        mean = (w[1:] - w[0]) / _STEP_OF_LOG + half * w[0]
-        return mean @ mean.T + 2.0 * half @ half.T
+        base = whiten(flight, scales)
+        others = [whiten(flight, own) for own in moved]
+        w = base.innovations.ravel()
+        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+            by_w = np.array([f.innovations.ravel() - w for f in others]) / _STEP_OF_LOG
+            by_v = [(f.log_variances - base.log_variances).ravel() for f in others]
+            half = 0.5 * np.array(by_v) / _STEP_OF_LOG
+            mean = by_w + half * w
+            return mean @ mean.T + 2.0 * half @ half.T
 
-    total = np.sum(in_parallel(one, few), axis=0) * (len(flights) / len(few))
-    return total + np.diag(_PRECISION[index] + _LEAST_FISHER)
+    matrix = np.zeros((len(logs), len(logs)))
+    total = np.sum(in_parallel(one, few), axis=0)
+    matrix[np.ix_(index, index)] = total * (len(flights) / len(few))
+    return matrix
+
+
+def _updated(matrix: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Returns second derivatives that explain the change of a gradient (BFGS)."""
+    expected = matrix @ step
+    along = float(step @ change)
+    before = float(step @ expected)
+    if not (along > 1e-9 and before > 1e-9):
+        return matrix
+    return (
+        matrix
+        - np.outer(expected, expected) / before
+        + np.outer(change, change) / along
+    )

@@ -7,13 +7,13 @@ import numpy as np
 
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.planarity import in_plane, planar_pitch
-from glider.campaign.checks.servo import CommandTape, command_tape
+from glider.campaign.checks.servo import command_tape
 from glider.campaign.checks.servo_fit import measure_elevator_noise
-from glider.campaign.logs import Campaign, Departure, Flight
+from glider.campaign.logs import Campaign, Flight
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.compiled.parallel import in_parallel
 from glider.physics.parameter_space import ParameterSpace
-from glider.physics.servo import Servo
+from glider.physics.servo import NO_LIMITS, Servo
 from glider.sysid.replay.log_space import LIBRARY_SPACE
 
 # Least noise of a log [m, rad]; a computed column has no noise at all.
@@ -96,13 +96,15 @@ def prepare(
 ) -> list[Record]:
     """Smooths flights."""
     masks = masks or {}
+    servo = campaign.limits if campaign.elevator == "servo" else NO_LIMITS
     settings = dataclasses.replace(campaign, flights=())
     places = np.linspace(-0.5, 0.5, len(flights)) if len(flights) > 1 else [0.0]
 
     def record(numbered: tuple[Flight, float]) -> Record:
         flight, place = numbered
         mask = masks_of(flight, masks)
-        return _record(flight, mask, settings, noise, space, float(place))
+        own = _record(flight, mask, settings, noise, space, servo)
+        return dataclasses.replace(own, place=float(place))
 
     return in_parallel(record, list(zip(flights, places, strict=True)))
 
@@ -113,15 +115,14 @@ def _record(
     campaign: Campaign,
     noise: Noise,
     space: ParameterSpace,
-    place: float,
+    servo: Servo,
 ) -> Record:
     good = np.flatnonzero(mask.usable)
     rows = slice(good[0], good[-1] + 1)
-    begin = float(flight.time[good[0]])
-    clock = flight.time - begin
-    time, nodes_of_rows = _with_gaps_filled(clock[rows])
-    shown = nodes_of_rows[good - good[0]]
+    clock = flight.time - flight.time[good[0]]
+    time, place = _with_gaps_filled(clock[rows])
     n = len(time)
+    at = place[good - good[0]]
     query = np.concatenate([time, 0.5 * (time[1:] + time[:-1])])
     maps = [smoothing_maps(clock[good], query, s.ratio) for s in noise.smoothing]
     pose = flight.pose[good]
@@ -132,29 +133,34 @@ def _record(
         sideways = maps[0][1, :n] @ flight.attitude[good, 0]
         bank, side_wind = in_plane(maps[2][0, :n] @ pose[:, 2], turned_by, sideways)
         pose = np.column_stack([pose[:, :2], planar_pitch(flight, good)])
+
     curves = np.stack([maps[j] @ pose[:, j] for j in range(3)], axis=2)
     nodes = np.zeros((n, space.num_states))
-    nodes[:, 0:3] = curves[0, :n]
-    nodes[:, 4:7] = curves[1, :n]
+    nodes[:, 0:3], nodes[:, 4:7] = curves[:2, :n]
     pitch = curves[:2, :, 2].T
     levels = (noise.smoothing[0].noise, noise.smoothing[1].noise, noise.pitch)
     measured = curves[0, :n].copy()
-    measured[shown] = pose
     seen = np.zeros((n, 4), dtype=bool)
-    seen[shown, :3] = True
+    measured[at], seen[at, :3] = pose, True
     elevator = np.zeros(n)
-    departure = Departure(np.zeros(n), 0.0, 0.0)
-    tape = CommandTape(np.zeros(1), np.zeros(1), 0.0)
-    has_servo = flight.command is not None
+    rest = 0.0
+    switches = np.zeros(1)
+    commands = np.zeros(1)
+    departure = np.zeros(n)
+    departure_std = 0.0
+    has_servo = flight.command is not None and flight.elevator is not None
     if flight.elevator is not None and has_servo:
+        begin = float(flight.time[good[0]])
         tape = command_tape(flight, mask, campaign.switch_rate, begin)
-        departure = departure._replace(rest=tape.rest)
+        switches, commands, rest = tape
         if flight.departure is not None:
-            angle = np.interp(time, clock, flight.departure.angle)
-            departure = flight.departure._replace(angle=angle)
-        elevator[nodes_of_rows] = flight.elevator[rows]
-        is_measured = campaign.servo.angle == "measured"
-        seen[nodes_of_rows, 3] = ~mask.elevator[rows] & is_measured
+            departure = np.interp(time, clock, flight.departure.angle)
+            departure_std = flight.departure.std
+            rest = flight.departure.rest
+
+        elevator[place] = flight.elevator[rows]
+        seen[place, 3] = ~mask.elevator[rows] & (campaign.servo.angle == "measured")
+
     return Record(
         name=flight.name,
         space=space,
@@ -169,13 +175,13 @@ def _record(
         bank=bank,
         side_wind=side_wind,
         has_servo=has_servo,
-        switch_times=tape.switches,
-        commands=tape.commands,
-        place=place,
-        departure=departure.angle,
-        departure_std=departure.std,
-        servo=campaign.limits,
-        rest=departure.rest,
+        switch_times=switches,
+        commands=commands,
+        place=0.0,
+        departure=departure,
+        departure_std=departure_std,
+        servo=servo,
+        rest=rest,
         is_cut=has_servo and mask.first > 0,
         trim_is_moment=campaign.elevator == "fixed_per_flight"
         and "elevator_area" not in campaign.vehicle,

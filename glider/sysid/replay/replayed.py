@@ -15,13 +15,7 @@ import numpy as np
 from glider.compiled import replay as compiled
 from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import OFFSET
-from glider.physics.effects import (
-    FLOW_VARIABLES,
-    NO_GAUSSIANS,
-    PITCH_MOMENT,
-    Gaussians,
-    Replay,
-)
+from glider.physics.effects import FLOW_VARIABLES, NO_GAUSSIANS, PITCH_MOMENT, Gaussians
 from glider.physics.effects.free_functions import COEFFICIENTS
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.log_space import resting_states, sensed
@@ -54,12 +48,17 @@ def signals(record: Record, theta: np.ndarray) -> _Signals:
 
     With a pose latency the row of time t shows the flight at t - latency.
     """
-    return _replayed(record, record.space.replay(theta))
+    return _replayed(record, theta[record.space.num_flown :].tobytes())
 
 
 @functools.lru_cache(_REPLAYS)
-def _replayed(record: Record, replay: Replay) -> _Signals:
+def _replayed(record: Record, last: bytes) -> _Signals:
+    """The same by the last entries of theta, which replay a log's signals."""
     n = len(record.time)
+    space = record.space
+    theta = np.zeros(len(space.entries))
+    theta[space.num_flown :] = np.frombuffer(last)
+    replay = space.replay(theta)
     if not record.has_servo:
         still = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
         return _Signals(*still, np.ones(n, bool))
@@ -200,9 +199,8 @@ def make_table(
 
     stacked = map(np.concatenate, zip(*flights, strict=True))
     pitch, flow, alpha, turning, measured, std = stacked
-    modelled = flow[:, :3]
-    air_x, air_z = flow[:, 3:5].T
-    of_flow = dict(zip(FLOW_VARIABLES, flow[:, 5:].T, strict=True))
+    modelled, (air_x, air_z), variables = flow[:, :3], flow[:, 3:5].T, flow[:, 5:].T
+    of_flow = dict(zip(FLOW_VARIABLES, variables, strict=True))
     mass, area, inertia, density, gravity = (
         theta[records[0].space.index[name]]
         for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
@@ -220,16 +218,19 @@ def make_table(
         moment = inertia * angular / pressure
         return dict(zip(COEFFICIENTS, (lift, drag, moment), strict=True))
 
-    apart = measured - modelled
-    body = np.array([[cosine, -sine], [sine, cosine]])  # (2, 2, rows), from x and z.
-    along_body = np.einsum("ijk,kj->ki", body, apart[:, :2])
-    variance = np.einsum("ijk,kj->ki", body**2, std[:, :2] ** 2)
+    (x, z, angular), (std_x, std_z, std_angular) = (measured - modelled).T, std.T
+    along = x * cosine - z * sine
+    normal = x * sine + z * cosine
+    noise = (
+        np.hypot(std_x * cosine, std_z * sine),
+        np.hypot(std_x * sine, std_z * cosine),
+    )
     return ResidualTable(
         variables={**of_flow, "alpha": alpha, "alphadot": turning},
-        residual=np.column_stack([along_body, apart[:, 2]]),
+        residual=np.column_stack([along, normal, angular]),
         coefficients=coefficients(measured),
         modelled=coefficients(modelled),
         flight=np.repeat(np.arange(len(flights)), [len(own[0]) for own in flights]),
         names=tuple(record.name for record in records),
-        noise=np.column_stack([np.sqrt(variance), std[:, 2]]),
+        noise=np.column_stack([*noise, std_angular]),
     )

@@ -81,11 +81,11 @@ WRONG = {
     "degrees": (b.scale(1.0, 1.0, 57.3), "column 'pitch' fits the motion in degrees"),
     "no elevator": (
         b.with_servo(elevator=lambda f: 0.0 * f.elevator),
-        "of its elevator are faulty",
+        "column 'elevator' moves by 0 rad",
     ),
     "no commands": (
         b.with_servo(command=lambda f: 0.0 * f.command),
-        "column 'elevator' does not follow",
+        "'elevator_rate_command' would move it by 0 rad",
     ),
     "late commands": (b.shift_commands(0.5), "does not follow.*shifted by -0.5"),
     "early commands": (b.shift_commands(-0.5), "does not follow.*shifted by 0.5"),
@@ -96,7 +96,7 @@ WRONG = {
     ),
     "a clock a second off": (
         b.shift_commands(1.0),
-        "column 'elevator' does not follow",
+        "'elevator_rate_command' would move it by 0 rad",
     ),
 }
 

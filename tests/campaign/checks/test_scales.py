@@ -9,9 +9,12 @@ import pytest
 
 from glider.campaign.checks.forces import _measure_fall, check_fall, measure_motions
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.servo import _calc_travel, measure_elevators
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
+from glider.physics.effects import KINDS
 from tests.campaign.checks import breaking as b
+from tests.campaign.checks.test_effects_pass import fly
 from tests.helpers.campaigns import campaign_path
 
 MEASURED = Path(__file__).parents[4] / "shared" / "measured" / "motion_studio_v3"
@@ -91,3 +94,26 @@ def test_radians_taken_for_degrees_are_refused(request, of):
     edit = b.scale(1.0, 1.0, np.pi / 180.0)
     with pytest.raises(InputError, match=r"'pitch' fits the motion 57\.3 times"):
         inspect(b.change(request.getfixturevalue(of), edit))
+
+
+@pytest.mark.parametrize("gear", [2.0, 0.5, 1.3])
+def test_a_servo_that_is_geared_differently_is_refused(campaign, gear):
+    edit = b.with_servo(elevator=lambda f: gear * f.elevator)
+    loose = dataclasses.replace(campaign, elevator_limits=None)
+    with pytest.raises(InputError, match=r"turns .* as far as commanded") as info:
+        inspect(b.change(loose, edit))
+    [found] = re.findall(r"turns ([\d.]+) times", str(info.value))
+    assert float(found) == pytest.approx(gear, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("servo_lag", {"time_constant": 0.1}),
+        ("servo_lag", {"time_constant": 0.3}),
+        ("command_delay", {"delay": 0.3}),
+    ],
+)
+def test_a_slow_servo_turns_as_far_as_commanded(kind, values):
+    gain, error = _calc_travel(measure_elevators(fly((KINDS[kind](**values),)), {}))
+    assert abs(np.log(gain)) < max(0.03, 4.0 * error)

@@ -157,25 +157,17 @@ def test_a_lag_of_one_way_is_a_departure(campaign):
         assert np.std(flight.departure.angle) > 2.0 * NOISE
 
 
-def test_one_odd_flight_is_named(campaign):
+def test_one_odd_flight_leaves_the_others_alone(campaign):
     own, _ = moved(campaign, follow(campaign.limits))
     first, *others = own.flights
     off = first.elevator + 0.03 * (first.time > 0.3)
     flights = (dataclasses.replace(first, elevator=off), *others)
     found, [words] = identify_servo(dataclasses.replace(own, flights=flights), {})
     assert f"in {first.name}" in words
-    odd, *same = [np.std(flight.departure.angle) for flight in found.flights]
-    assert odd > 3.0 * max(same)
-
-
-@pytest.mark.parametrize("gear", [2.0, 0.5, 1.3])
-def test_a_gear_of_the_elevator_is_a_departure(campaign, gear):
-    """The verdict then says by how much, see `tests.sysid.test_plausibility`."""
-    own, _ = moved(campaign, follow(campaign.limits))
-    geared = [dataclasses.replace(f, elevator=gear * f.elevator) for f in own.flights]
-    told = dataclasses.replace(own, flights=tuple(geared), elevator_limits=None)
-    _, [words] = identify_servo(told, {})
-    assert "departs from its commands" in words
+    assert [flight.departure is None for flight in found.flights] == [
+        False,
+        *[True] * 7,
+    ]
 
 
 def test_angles_that_were_not_measured_show_no_servo(campaign):

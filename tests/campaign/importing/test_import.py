@@ -342,7 +342,7 @@ def test_a_measured_elevator_without_commands(tmp_path, campaign):
 
 def test_commanded_angles_beside_a_measured_elevator(tmp_path, campaign):
     columns = ", elevator: de, elevator_angle_command: de"
-    imported = import_servo(tmp_path, campaign, columns, "{elevator_rate_limit: 13.0}")
+    imported = import_servo(tmp_path, campaign, columns, "{}")
     assert "became rates" in imported.describe()
     for flight, true in zip(imported.campaign.flights, campaign.flights, strict=True):
         assert np.allclose(flight.elevator, true.elevator, atol=1e-8)
@@ -366,11 +366,6 @@ def test_a_fixed_tail(tmp_path, campaign):
         (", elevator_rate_command: de_cmd", "{}", "elevator: fixed"),
         (", elevator: de", "{elevator: fixed}", "one or the other"),
         (", elevator_angle_command: de", "{}", "elevator_rate_limit is missing"),
-        (
-            ", elevator: de, elevator_angle_command: de",
-            "{}",
-            "elevator_rate_limit is missing",
-        ),
         (", elevator: Ruder", "{}", "there is no column 'Ruder'"),
         (", roll: Nick", "{mas: 1}", "did you mean 'mass'"),
     ],

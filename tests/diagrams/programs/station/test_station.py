@@ -22,6 +22,7 @@ from diagrams.programs.station.scenario import (
 from diagrams.programs.station.session import Session
 from diagrams.programs.station.throw_log import read_throw
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.servo import _calc_travel, measure_elevators
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import flight_csv
@@ -137,6 +138,8 @@ def test_a_slow_servo_under_feedback_is_no_wrong_clock(tmp_path):
     campaign = load_campaign(tmp_path / "s")
     found = inspect(campaign)
     assert len(found.campaign.flights) == 4 and found.warnings == ()
+    gain, error = _calc_travel(measure_elevators(campaign, {}), campaign.limits)
+    assert abs(gain - 1.0) < 0.03 < 3.0 * error
 
 
 @pytest.mark.nightly
