@@ -5,8 +5,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.special import ndtri
 
 from glider.campaign.turning import Signs
+from glider.physics.confidence import LEVEL
 from glider.physics.covariance import Covariance
 from glider.physics.effects import ANGLE_SIGN, LIBRARY, POSE_LATENCY
 from glider.physics.effects.families import FAMILIES
@@ -30,6 +32,7 @@ from glider.sysid.search.tracing import SearchResult
 SPREAD_KINDS = {kind.kind: kind.varies_by for kind in LIBRARY if kind.varies_by}
 """Kinds that vary from flight to flight, and the scale of their variation."""
 
+_BAND = float(ndtri(0.5 + 0.5 * LEVEL))  # Standard errors from the middle to an end.
 _PER_KILOGRAM = {"m²": "m²/kg", "kg m²": "m²"}  # Units of a glider of 1 kg.
 
 
@@ -150,7 +153,11 @@ def effects_of(
 def _formula_entry(
     task: Task, model: FitResult, name: str, known: Uncertainty
 ) -> FoundEffect:
-    """A formula as an effect; its shape is wrong where a free function bends it."""
+    """A formula as an effect; its shape is wrong where a free function bends it.
+
+    It has no name where the bands of all its sizes contain zero: they are not known to
+    act in the sense that the formula has.
+    """
     kind = task.space.kinds[name]
     slots = task.space.slots_of(name)
     entries = zip(slots, kind.coefficients, strict=True)
@@ -158,9 +165,15 @@ def _formula_entry(
         own.name: _estimate(model, known, slot, own.unit) for slot, own in entries
     }
     is_bent = any(name in FAMILIES[other].bends for other in model.free_kinds)
+    sizes = [coefficients[own.name] for own in kind.coefficients if not own.is_shape]
+    words = kind.words
+    if all(abs(size.value) < _BAND * size.std for size in sizes):
+        words = f"like {name} ({kind.words}), of a size that may be zero"
+        name = result.UNEXPLAINED
+
     return FoundEffect(
         kind=name,
-        words=kind.words,
+        words=words,
         coefficients=coefficients,
         shape=result.OTHER_SHAPE if is_bent else result.LIBRARY_SHAPE,
         depends_on=kind.depends_on,

@@ -18,7 +18,7 @@ from glider.files.schema import Number, convert, parse_json, read_text
 from glider.physics.covariance import Covariance
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
-from glider.sysid.constants import MOST_LEFT, UNLIKELY
+from glider.sysid.constants import MOST_LEFT, NO_CHANCE, UNLIKELY
 
 #: Nothing is wrong; all that is wrong has a name; some of it has; none of it has; what
 #: was found does not hold on held-out flights.
@@ -117,10 +117,12 @@ class Residual:
         """Whether there is more than noise and moving air: an effect, found or not.
 
         A perfect model would leave as much on all flights with a probability below
-        UNLIKELY, where a ratio on the held-out ones is above one.
+        UNLIKELY, where a ratio on the held-out ones is above one. Or these, which are
+        few, show NO_CHANCE times as much.
         """
         is_more = self.ratio_to_floor > 1.0 or self.ratio_along_pitch > 1.0
-        return is_more and self.chance < UNLIKELY
+        is_improbable = is_more and self.chance < UNLIKELY
+        return is_improbable or self.ratio_to_floor > NO_CHANCE
 
     @property
     def may_be_chance(self) -> bool:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from glider.campaign.checks.motion import robust_std
 from glider.physics.effects import ELEVATOR_SCALE, LIBRARY, POSE_LATENCY, EffectKind
 from glider.physics.parameters import PARAMETER_NAMES
 from glider.sysid import constants
@@ -19,6 +20,7 @@ from glider.sysid.fit.folds import Gains
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import SERVO_LOG
+from glider.sysid.replay.replayed import signals
 from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
 from glider.sysid.search.tracing import SearchResult
 
@@ -61,7 +63,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
 
 
 def _left_to_chance(task: Task, model: FitResult) -> str | None:
-    """Finds noise of a known glider that no right log shows."""
+    """Finds noise of a known glider, or an elevator, that no right log shows."""
     scales = vars(model.scales)
     found = [
         words.format(scales[name])
@@ -76,7 +78,47 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
             f"(measured ones are {usual:.2g})"
         )
 
-    return f"the model needs {' and '.join(found)}" if found else None
+    if found:
+        return f"the model needs {' and '.join(found)}"
+    gain, error = _elevator_gain(task, model)
+    if abs(gain - 1.0) > max(constants.GAIN_ERROR, constants.Z * error):
+        return (
+            f"the elevator moves {gain:.3f} times as far as commanded (± {error:.1g}), "
+            "as with a wrong clock or unit"
+        )
+
+    return None
+
+
+def _elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
+    """Ratio of measured to modelled elevator travel, and its standard error.
+
+    The median over flights of regressions of travel on travel, where the elevator has
+    turned one way for as long before: what a play loses at a reversal counts not. It is
+    1 and infinity where there is no servo.
+    """
+    found = []
+    for record in (record for record in task.records if record.has_servo):
+        rows = np.flatnonzero(record.seen[:, 3])
+        if len(rows) < 2:
+            continue
+        time = record.time[rows]
+        modelled = (signals(record, model.theta).logged - record.departure)[rows]
+        ends = np.searchsorted(time, time + constants.MOMENT_TIME)
+        begins = np.searchsorted(time, time - constants.MOMENT_TIME)
+        turns = np.append(0, np.cumsum(np.diff(np.sign(np.gradient(modelled))) != 0.0))
+        last = np.minimum(ends, len(time) - 1)
+        first = np.flatnonzero((ends < len(time)) & (turns[last] == turns[begins]))
+        both = record.elevator[rows], modelled
+        travel, ordered = (v[ends[first]] - v[first] for v in both)
+        if (known := float(ordered @ ordered)) > 0.0:
+            found.append(float(ordered @ travel) / known)
+
+    if len(found) < 3:
+        return 1.0, np.inf
+    median = float(np.median(found))
+    error = 1.2533 * float(robust_std(np.array(found) - median))  # Of a median: √(π/2).
+    return median, error / np.sqrt(len(found))
 
 
 _AllErrors = dict[str, Errors | None]

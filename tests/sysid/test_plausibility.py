@@ -7,8 +7,9 @@ import pytest
 
 from glider.physics.effects import KINDS
 from glider.sysid.likelihood.scales import CEILING
-from glider.sysid.verdict import _BOUNDED, find_doubt
-from tests.helpers.tasks import fit_kinds, fly
+from glider.sysid.verdict import _BOUNDED, _elevator_gain, find_doubt
+from tests.campaign.checks import breaking as b
+from tests.helpers.tasks import fit_kinds, fly, task_of
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +24,9 @@ def fitted(campaign):
 
 def test_a_model_that_explains_the_flights_is_believed(fitted):
     assert find_doubt(*fitted) is None
+    gain, error = _elevator_gain(*fitted)
+    assert gain == pytest.approx(1.0, abs=0.01)
+    assert 0.0 < error < 0.01
 
 
 @pytest.mark.parametrize("name", _BOUNDED)
@@ -41,6 +45,49 @@ def test_moments_of_chance_are_held_against_pitch_accelerations(fitted):
         scales = dataclasses.replace(model.scales, moment=share * float(turning.std()))
         doubt = find_doubt(task, dataclasses.replace(model, scales=scales))
         assert (doubt is not None) == is_doubted
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95, 1.1])
+def test_an_elevator_that_moves_less_or_more_than_ordered_is_doubted(campaign, share):
+    other = b.change(campaign, b.with_servo(lambda f: share * f.elevator))
+    _, model = fit_kinds(campaign, "servo_lag")
+    theirs, _ = fit_kinds(other, "servo_lag")
+    gain, _ = _elevator_gain(theirs, model)
+    assert gain == pytest.approx(share, abs=0.01)
+    assert f"{gain:.3f} times" in find_doubt(theirs, model)
+
+
+def with_play(path, play=0.03):
+    """Angles of an elevator that follows a path with a play either way."""
+    found = [path[0]]
+    for wanted in path[1:]:
+        found.append(np.clip(found[-1], wanted - play, wanted + play))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.95])
+def test_a_play_of_the_servo_is_no_wrong_unit(campaign, fitted, share):
+    """It loses travel at reversals alone."""
+    _, model = fitted
+    servo = b.with_servo(lambda f: share * with_play(f.elevator))
+    theirs, _ = task_of(b.change(campaign, servo))
+    gain, _ = _elevator_gain(theirs, model)
+    assert gain == pytest.approx(share, abs=0.02)
+
+
+def test_without_a_servo_there_is_no_gain(fitted):
+    task, model = fitted
+    bare = task.on([dataclasses.replace(r, has_servo=False) for r in task.records])
+    assert _elevator_gain(bare, model) == (1.0, np.inf)
+    assert find_doubt(bare, model) is None
+
+
+def test_an_elevator_that_was_never_seen_has_no_gain(fitted):
+    """As where it is reconstructed from the commands."""
+    task, model = fitted
+    unseen = task.records[0].seen & np.array([True, True, True, False])
+    hidden = dataclasses.replace(task.records[0], seen=unseen)
+    assert _elevator_gain(task.on([hidden] * 3), model) == (1.0, np.inf)
 
 
 def test_thrown_gliders_that_nobody_weighed_are_not_asked(fitted):

@@ -235,7 +235,7 @@ GROUND_EFFECT = EffectKind(
     stage="surface",
     adds_to=("wing_factor",),
     coefficients=(
-        Coefficient("strength", "-", scale=0.02, lower=-3.0, upper=3.0),
+        Coefficient("strength", "-", scale=0.02, lower=0.0, upper=3.0),
         Coefficient(
             "height", "m", 0.5, scale=0.1, lower=0.05, upper=10.0, grid=(0.2, 0.5, 1.2)
         ),
