@@ -94,8 +94,8 @@ WORSE = 1.001  # Ratio of errors above which flights got worse: below is a tie (
 
 # ---------------------------------------------------------------- the verdict
 MOST_LEFT = 2.0  # Times a perfect model's error that effects may leave at most (c).
-# Times a perfect model's error that is never put to chance (c): the few held-out flights
-# vary, by up to 2.
+# Times a perfect model's error that is never put to chance (c): that of the few
+# held-out flights varies, by up to 2.
 NO_CHANCE = 2.5
 # Share of the RMS pitch acceleration that a model may leave (m: bench_broken): at most
 # 0.04 in campaigns with the right answer, 0.2 to 1 where elevator and pose are of
