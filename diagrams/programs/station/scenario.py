@@ -121,7 +121,11 @@ class Scenario:
     simulation: Simulation | None = None
 
     def __post_init__(self):
-        """Raises InputError where times do not fit together."""
+        """Raises InputError where times, or ends of a range, do not fit together."""
+        for name in ("x", "z"):
+            low, high = getattr(self.limits, name)
+            field = f"field 'limits.{name}'"
+            expect(low < high, field, [low, high], "[least, largest]")
         least = self.command_step + self.limits.deadline
         expected = f"at least {least:.3g} s, a command's time and its deadline"
         timeout = self.servo.timeout

@@ -255,7 +255,7 @@ def cut_recordings(
     for track, (pieces, notes) in zip(tracks, found, strict=True):
         own = [_make_table(track, piece, mapping, settings) for piece in pieces]
         tables += [table for table, _, _ in own]
-        servo_logs += [log for _, log, _ in own]
+        servo_logs += [log for _, log, _ in own[-1:]]  # Flights of a log share it.
         of_servo = [note for _, _, note in own if note]
         noted = dict.fromkeys([*notes, *track.notes, *of_servo])
         cuts.append(_CutRecording(track.path, tuple(pieces), tuple(noted)))

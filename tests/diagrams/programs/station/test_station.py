@@ -293,6 +293,7 @@ def test_before_the_first_command_the_elevator_rests_at_neutral(tmp_path, nomina
         ("command_rate: 5", "a number >= 10.0"),
         ("sensors: {rate: 0}", "field 'sensors.rate' is 0; expected"),
         ("limits: {x: [1]}", "a list of length 2"),
+        ("limits: {x: [1, 0]}", "[least, largest]"),
         ("simulation: {truth: breeze}", "the name of one in models/truths"),
         ("sensor: {}", "did you mean 'sensors'"),
         ("servo: {timeout: -1}", "field 'servo.timeout' is -1"),
