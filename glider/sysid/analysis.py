@@ -86,7 +86,7 @@ class Analysis:
             words += [change.sentence for change in again.changes]
             words.append(
                 f"This report is of the {len(kept)} flights on the other side: the "
-                f"{len(gone)} {side} it are set aside (trace them with --flights)."
+                f"{len(gone)} {side} it are excluded (trace them with --flights)."
             )
             why = f"flown {side} the change at {found.changes[0].flight}"
             rows = [ExcludedRows(file=name, rows=ALL, why=why) for name in gone]
@@ -269,7 +269,7 @@ class Analysis:
             return ""
         count = len(self.inspection.campaign.flights)
         return (
-            f" {len(outlying)} of {count} flights are set aside, as no model explains "
+            f" {len(outlying)} of {count} flights are excluded, as no model explains "
             f"them with the others: {', '.join(sorted(outlying))}."
         )
 

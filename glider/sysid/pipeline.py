@@ -47,6 +47,8 @@ def close_the_loop(
     """
     own = tuple(own_effects)
     expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
+    if effects is not None and not effects:
+        raise InputError("found no effect to try; expected the name of at least one.")
     if own:
         from glider.sysid.replay.log_space import log_space
 

@@ -114,4 +114,4 @@ def test_the_command_line_reports_the_inlet(capsys):
             assert width <= sizes["extents"][name] * (1.0 + 1e-9)
     assert max(last["extents"]["x"], last["extents"]["z"]) <= 0.05
     assert main([*few, "--seed", "-3"]) == 2
-    assert "--seed is -3" in capsys.readouterr().err
+    assert "--seed: -3 is not an integer of at least 0" in capsys.readouterr().err

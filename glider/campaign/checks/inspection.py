@@ -18,7 +18,7 @@ from glider.campaign.checks.masks import (
     name_rows,
 )
 from glider.campaign.checks.planarity import find_rolled
-from glider.campaign.checks.rates import check_rates
+from glider.campaign.checks.rates import check_commands, check_rates
 from glider.campaign.checks.rows import find_faults, find_hand
 from glider.campaign.checks.servo import check_follows, check_travel, measure_elevators
 from glider.campaign.checks.stamps import find_even_times
@@ -59,6 +59,7 @@ def inspect(campaign: Campaign) -> Inspection:
     kept.drop_short(f" ({_BEYOND})")
     motions = kept.motions()
     warnings = check_fall(kept.campaign, motions)
+    check_commands(kept.campaign)
     elevators = measure_elevators(kept.campaign, kept.masks)
     warnings += check_travel(kept.campaign, elevators)
     warnings += check_tail(kept.campaign, motions)

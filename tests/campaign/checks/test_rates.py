@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.inspection import inspect
-from glider.campaign.checks.rates import check_rates
+from glider.campaign.checks.rates import check_commands, check_rates
 from glider.errors import InputError
 from tests.campaign.checks import breaking as b
 from tests.helpers.tasks import fly
@@ -63,5 +63,5 @@ def test_commands_that_no_servo_got_are_refused(campaign):
     flights = tuple(asked(flight) for flight in campaign.flights)
     told = dataclasses.replace(campaign, flights=flights)
     with pytest.raises(InputError, match=r"changes 119 times a second; expected 50"):
-        check_rates(told)
-    check_rates(dataclasses.replace(told, command_rate=None))
+        check_commands(told)
+    check_commands(dataclasses.replace(told, command_rate=None))

@@ -105,7 +105,7 @@ def test_costs_of_unseen_flights_are_by_their_predictive_distribution():
         least = total[-1, -1] - b @ np.linalg.solve(a, b)
         return counts @ constant + 0.5 * (least + np.linalg.slogdet(a)[1])
 
-    linear = folds._LinearFlights(task.offering(()), model)
+    linear = folds.LinearFlights(task.offering(()), model)
     costs = linear.costs([np.array([5])], [range(len(prior.mean))])
     expected = evidence(np.ones(6)) - evidence(counts)
     assert costs[5] == pytest.approx(expected, abs=1e-3)
