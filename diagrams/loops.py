@@ -1,6 +1,7 @@
 """Diagrams of a glider: a plan replayed, feedback of the state, or of a filter."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -15,7 +16,7 @@ from pydrake.systems.primitives import (
 
 from diagrams.scene import AddScene
 from glider.errors import InputError, expect
-from glider.physics.model import GliderModel
+from glider.physics.model import GliderModel, as_model
 from glider.physics.state import ELEVATOR, NUM_STATES, POSE_NAMES, STATE_NAMES
 from glider.planning.plan import Plan
 from glider.simulation.fly import check_command_rate
@@ -32,12 +33,12 @@ _CAPTURED = (*POSE_NAMES, "elevator")
 
 
 def open_loop(
-    truth: GliderModel, plan: Plan, *, meshcat: Meshcat | None = None
+    truth: GliderModel | Path | str, plan: Plan, *, meshcat: Meshcat | None = None
 ) -> Diagram:
     """Wires plan -> servo -> glider.
 
     Args:
-        truth: the glider that flies; it need not be the planner's.
+        truth: the glider that flies, or its file or name; it need not be the planner's.
         plan: whose input is replayed; after its end the last command stays.
         meshcat: where to show the flight.
 
@@ -46,6 +47,7 @@ def open_loop(
         "glider", and the logs "state_log", "rate_log" and "force_log"; the outputs
         "state", "pose" and "elevator_rate".
     """
+    truth = as_model(truth)
     builder = DiagramBuilder()
     glider, servo = _add_glider(builder, truth)
     source = builder.AddNamedSystem("plan", TrajectorySource(plan.input_trajectory))
@@ -54,7 +56,7 @@ def open_loop(
 
 
 def closed_loop(
-    truth: GliderModel,
+    truth: GliderModel | Path | str,
     regulator: System,
     *,
     planned: GliderModel | None = None,
@@ -66,8 +68,8 @@ def closed_loop(
     """Wires glider -> regulator -> servo -> glider.
 
     Args:
-        truth: the glider that flies. It may have effects that the regulator was not
-            made for: then the first states are fed back.
+        truth: the glider that flies, or its file or name. It may have effects that the
+            regulator was not made for: then the first states are fed back.
         regulator: any System from the state, its first input, to a command of one
             number [rad/s], its first output, as `tracking_regulator` makes it. It
             becomes a part of this diagram, and fits into no other.
@@ -95,6 +97,7 @@ def closed_loop(
     """
     if command_rate is not None:
         check_command_rate(command_rate)
+    truth = as_model(truth)
     fed_back = _states_fed_back(truth, regulator, planned, all_states)
     builder = DiagramBuilder()
     glider, servo = _add_glider(builder, truth)
@@ -152,7 +155,7 @@ def _first_of(
 
 
 def estimated_loop(
-    truth: GliderModel,
+    truth: GliderModel | Path | str,
     regulator: System,
     filter: System,
     *,
@@ -167,7 +170,7 @@ def estimated_loop(
     of a command it gets from a second servo, which sees the estimate.
 
     Args:
-        truth: the glider that flies; it need not be the filter's.
+        truth: the glider that flies, or its file or name; it need not be the filter's.
         regulator: any System from the filter's state, its first input, to a command
             of one number [rad/s], its first output. It becomes a part of this diagram,
             and fits into no other.
@@ -193,6 +196,7 @@ def estimated_loop(
     Raises:
         InputError: what is given does not fit together.
     """
+    truth = as_model(truth)
     wanted, command = _check_controller(regulator)
     poses = len(_CAPTURED) - 1
     measured = filter.GetInputPort("measured")
