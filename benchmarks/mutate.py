@@ -79,7 +79,7 @@ def change(node: ast.AST) -> str | None:
         value: Any = node.value
         if type(value) is int:
             return repr(value + 1)
-        return repr(1.5 * value) if type(value) is float else None
+        return repr(1.5 * value or 1.0) if type(value) is float else None
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not):
         return ast.unparse(node.operand)
     if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in SWAPPED:

@@ -49,10 +49,16 @@ def pytest_collection_modifyitems(
 ) -> None:
     """Runs the tests of lower packages first: a cause fails before what it causes.
 
-    Slow tests come last; in several processes, their files come first. What Drake has
-    no part in runs with one of the two.
+    In a package those that run commands come after the others. Slow tests come last; in
+    several processes, their files come first. What Drake has no part in runs with one
+    of the two.
     """
-    items.sort(key=lambda item: floor_of(item.path))
+    of_commands = {
+        path
+        for path in {item.path for item in items}
+        if "glider.__main__" in path.read_text(encoding="utf-8")
+    }
+    items.sort(key=lambda item: (floor_of(item.path), item.path in of_commands))
     for item in items:
         if is_without_drake(item.path):
             item.add_marker(WITHOUT_DRAKE)

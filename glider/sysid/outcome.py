@@ -165,9 +165,10 @@ def _formula_entry(
         own.name: _estimate(model, known, slot, own.unit) for slot, own in entries
     }
     is_bent = any(name in FAMILIES[other].bends for other in model.free_kinds)
-    sizes = [coefficients[own.name] for own in kind.coefficients if not own.is_shape]
+    sizes = [own for own in kind.coefficients if not own.is_shape]
+    told = [coefficients[own.name] for own in sizes or kind.coefficients]
     words = kind.words
-    if all(abs(size.value) < _BAND * size.std for size in sizes):
+    if all(abs(size.value) < _BAND * size.std for size in told):
         words = f"like {name} ({kind.words}), of a size that may be zero"
         name = result.UNEXPLAINED
 

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from glider.campaign.turning import Signs
-from glider.physics.effects import ELEVATOR_TRIM, PITCH_OFFSET, WIND
+from glider.physics.effects import (
+    ELEVATOR_TRIM,
+    PITCH_OFFSET,
+    PROFILE_DRAG,
+    SERVO_LAG,
+    WIND,
+)
 from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
@@ -42,6 +48,36 @@ def test_what_is_carried_is_in_the_model_and_nothing_else_is(plain):
     assert model_of(task, model, Signs()).free_functions == ()
     (effect,) = model_of(task, model, Signs(pitch=-1)).effects
     assert effect.to_dict()["pitch"] == -1.0
+
+
+@pytest.mark.parametrize("kind", [SERVO_LAG, PROFILE_DRAG])
+@pytest.mark.parametrize("errors", [1.0, 3.0])
+def test_an_effect_whose_size_may_be_zero_has_no_name(plain, kind, errors):
+    """A lag is a size, though it is found like a shape."""
+    task, model = plain
+    free = task.free((kind.kind,))
+    [slot] = task.space.slots_of(kind.kind)
+    theta = model.theta.copy()
+    theta[slot] = errors * 0.01
+    stds = np.where(np.array(free) == slot, 0.01, 1e-9)
+    model = dataclasses.replace(model, kinds=(kind.kind,), theta=theta, free=free)
+    known = Uncertainty(
+        free=free,
+        named=(slot,),
+        places={},
+        likelihood=np.diag(stds**2),
+        changes=np.zeros((2, len(free))),
+    )
+    traced = types.SimpleNamespace(
+        model=model,
+        names={kind.kind: kind.kind},
+        evidence={kind.kind: 50.0},
+        rivals=(),
+        alike={},
+    )
+    (effect,) = effects_of(task, traced, NO_FOLDS, known, {}, Signs())
+    assert effect.kind == (kind.kind if errors > 2.0 else UNEXPLAINED)
+    assert kind.words in effect.words
 
 
 # ------------------------------------------------------------------------ functions

@@ -55,8 +55,8 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
 
 def check_commands(campaign: Campaign) -> None:
     """Refuses commands that change more often than they come: no servo got them."""
-    rate = campaign.command_rate
-    if rate is None or campaign.elevator != "servo":
+    rate = campaign.switch_rate
+    if rate is None or math.isinf(rate) or campaign.elevator != "servo":
         return
     changes = []
     for flight in campaign.flights:

@@ -45,7 +45,7 @@ def test_stamps_are_kept_unless_they_jitter(name):
     assert all(even is not None for even in found)
 
 
-@pytest.mark.parametrize("lost", [(), (30, 31, 60), (2, 50, 51, 52, 97)])
+@pytest.mark.parametrize("lost", [(), (30, 31, 60), (2, 50, 51, 52, 97), (1, 2, 60)])
 @pytest.mark.parametrize("jitter", [1e-3, 6e-3])
 def test_even_steps_are_restored_about_lost_frames(campaign, jitter, lost):
     logs, truth = logs_of(campaign, jitter, lost=lost)
