@@ -207,6 +207,8 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
         path_axes.set(xlabel="x, along the throw [m]", ylabel="z, up [m]")
         tape_axes.set(ylabel="commanded elevator,\nup > 0 [°]")
         apart_axes.set(ylabel="difference of explanations,\nas fitted now [mm]")
+        if len(p.paths[0]) == 1:  # Of one explanation there is no difference.
+            apart_axes.remove()
         for axes in (tape_axes, apart_axes):
             axes.set_xlabel("time since release [s]")
         figure.legend(loc="outside upper center", ncols=len(p.throws) + 1)

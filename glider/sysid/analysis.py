@@ -48,6 +48,7 @@ _SHARES = {
 }
 """Usual shares of the time when the stages begin, measured on the samples."""
 _ENOUGH = 8  # Flights after a change that are preferred to more before it (c).
+_OTHER = {"before": "since", "since": "before"}
 _FEWEST = 4  # Flights that are traced alone (c).
 
 
@@ -85,8 +86,8 @@ class Analysis:
             again = self._on(kept)._run()
             words += [change.sentence for change in again.changes]
             words.append(
-                f"This report is of the {len(kept)} flights on the other side: the "
-                f"{len(gone)} {side} it are excluded (trace them with --flights)."
+                f"This report is of the {len(kept)} flights {_OTHER[side]} then; the "
+                f"{len(gone)} {side} then are excluded (trace them with --flights)."
             )
             why = f"flown {side} the change at {found.changes[0].flight}"
             rows = [ExcludedRows(file=name, rows=ALL, why=why) for name in gone]
@@ -115,7 +116,7 @@ class Analysis:
                 before, after = names[:at], names[at:]
                 if len(after) >= min(_ENOUGH, len(before)):
                     return after, before, "before"
-                return before, after, "after"
+                return before, after, "since"
 
         return names, [], ""
 
