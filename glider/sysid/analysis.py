@@ -25,7 +25,7 @@ from glider.physics.flown_range import ranges_of
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
 from glider.sysid.evaluation import Searched, evaluate
-from glider.sysid.fit.session import begin_of_end, by_number, find_change
+from glider.sysid.fit.session import are_at_one_end, by_number, find_change
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
@@ -244,7 +244,7 @@ class Analysis:
 
         names = [record.name for record in records]
         session = everything
-        if begin_of_end(names, outlying) is not None:  # Of another glider, perhaps.
+        if are_at_one_end(outlying, names):  # Of another glider, perhaps.
             session = everything.on(records)
         return Searched(noise, everything, task, traced, outlying, session)
 

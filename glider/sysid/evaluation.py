@@ -27,10 +27,10 @@ from glider.sysid.search.tracing import SearchResult, forces_alone
 
 @dataclasses.dataclass(frozen=True)
 class Searched:
-    """What a search found, and on which flights; without those that stand out."""
+    """What a search found, and on which flights."""
 
     noise: Noise  #: Of the sensors.
-    everything: Task  #: On all flights.
+    everything: Task  #: On all flights, without those that stand out.
     task: Task  #: On those to fit.
     traced: SearchResult
     outlying: Mapping[str, str]  #: Names of flights that stand out, and why.

@@ -354,12 +354,14 @@ def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
         is_named = re.compile(_NAMES[quantity], re.IGNORECASE).search
         fits = []
         for stem in filter(is_named, stems):
+            if stem in columns.values():  # As qx, qy, qz of pose.x, ..., pose.qx.
+                continue
             if any(log.find_all(stem, axes, quantity) for axes in shapes):
                 fits.append(stem)
         # A reader's own names: a header may name the same numbers in another order.
         fits = [f for f in fits if f.endswith((".Position", ".Rotation"))] or fits
         owner = columns.get("attitude", "").rpartition(".")[0]
-        own = [stem for stem in fits if owner and stem.startswith(f"{owner}.")]
+        own = [stem for stem in fits if owner and f"{stem}.".startswith(f"{owner}.")]
         if fits:
             columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
     return columns

@@ -1,15 +1,20 @@
 """A change during a session: a break, or a drift, of one coefficient of the glider.
 
-The flights, in order, are linear about the model that was fitted to all. Let R_i be the
-information of flight i on the coefficients β that are fitted and on one more, δ, of
-which flight i has a share w_i: all of it from some flight on, or a part that grows with
-the flight's number. With β solved for, the gain of log-likelihood is
+The flights, in order, are linear about the model that was fitted to all of them. Let
+G_i be the information of flight i (see `glider.sysid.likelihood.information`), β the
+coefficients that were fitted, and δ the change of one coefficient, of which flight i
+has a share s_i. Of a break the shares are 0 before it and 1 after it; of a drift they
+grow evenly from -1/2 to 1/2. With β solved for, the likeliest change and its gain of
+log-likelihood are
 
-    ½ (Σ w_i r_i - W'z)² / (Σ w_i² d_i + λ - W'W),   W = L⁻¹ Σ w_i R_i[β, δ],
+    δ = n / c,   gain = ½ n² / c,
+    n = Σ s_i G_i[δ, error] - M'z,   c = Σ s_i² G_i[δ, δ] + λ - M'M,
+    M = Σ s_i L⁻¹ G_i[β, δ],   z = L⁻¹ Σ G_i[β, error],   L L' = Σ G_i[β, β] + Λ,
 
-L L' the information on β, z what the errors are along it, and λ the prior's.
+where λ and Λ are the precisions of the priors.
 """
 
+import dataclasses
 import re
 from collections.abc import Collection, Iterable
 from typing import NamedTuple
@@ -25,20 +30,47 @@ from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import Change
 from glider.sysid.search.tracing import without_late
 
-# Probability with which a session without a change is said to have one (c): half of it
-# for each of the two tests.
+# Probability of a change in a session without one (c); each of two tests has half.
 _LEVEL = 0.001
-_PERMUTATIONS = round(2.0 / _LEVEL) - 1  # None of which may gain as much.
+_PERMUTATIONS = (
+    round(2.0 / _LEVEL) - 1
+)  # If none gains as much, p is half of the level.
 _LEAST_SIDE = 2  # Flights on either side of a break: one alone is an outlier.
-_FEWEST = 5  # Flights of which the variance about two means says anything.
+_FEWEST = 5  # Flights whose scatter about two means says anything.
 
 
-class _Gains(NamedTuple):
-    """Gains of all changes of all columns; the last row is the drift."""
+class _Changes(NamedTuple):
+    """All changes of all coefficients, (k, m); the last of the k is the drift."""
 
-    values: np.ndarray  #: (k, m) [nats]; none where the change is not reported.
-    sizes: np.ndarray  #: (k, m) of the changes.
-    stds: np.ndarray  #: (k, m) standard errors of the sizes.
+    gains: (
+        np.ndarray
+    )  #: Of log-likelihood; zero where the change is too small to report.
+    sizes: np.ndarray
+    stds: np.ndarray  #: Standard errors of the sizes.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Session:
+    """What the flights say of changes; see the formulas of the module."""
+
+    z: np.ndarray  #: (b,)
+    beta_delta: np.ndarray  #: (n, b, m) L⁻¹ G_i[β, δ].
+    delta_error: np.ndarray  #: (n, m) G_i[δ, error].
+    delta_delta: np.ndarray  #: (n, m) G_i[δ, δ].
+    precision: np.ndarray  #: (m,) λ.
+    least: np.ndarray  #: (m,) Sizes below which a change is not reported.
+    shares: np.ndarray  #: (k, n) s_i of each change, by the order of the flights.
+
+    def changes(self, order: np.ndarray) -> _Changes:
+        """Computes all changes with the flights (n,) in an order."""
+        mixed = np.tensordot(self.shares, self.beta_delta[order], 1)
+        slope = self.shares @ self.delta_error[order]
+        slope -= np.einsum("kbm,b->km", mixed, self.z)
+        curvature = self.shares**2 @ self.delta_delta[order] + self.precision
+        curvature = np.maximum(curvature - np.sum(mixed**2, axis=1), 1e-12)
+        sizes = slope / curvature
+        gains = np.where(np.abs(sizes) < self.least, 0.0, 0.5 * slope * sizes)
+        return _Changes(gains, sizes, curvature**-0.5)
 
 
 def find_change(
@@ -46,10 +78,11 @@ def find_change(
 ) -> Change | None:
     """Finds the change of a coefficient that the order of the flights shows.
 
-    Of the library's formulas, about the model that was fitted to the flights.
+    Coefficients are those of the library's formulas that the search tries first, and of
+    those that act.
 
     Args:
-        session: all flights; their names have the order.
+        session: the task on all flights; the numbers in their names have the order.
         model: that was fitted to them.
         rng: for permutations of the flights.
     """
@@ -63,76 +96,90 @@ def change_of(
 ) -> Change | None:
     """Finds the change that the information of the flights shows.
 
-    That of the largest gain among those as large as a variation over flights that is
-    reported. It is not put down to chance if the values of the coefficient in the
-    flights scatter little about their means before and after it (or about the line):
-    Student's t, whichever change is chosen. Or if no permutation of the flights gains
-    as much, which holds whatever the distribution of the values is.
+    It is the one of the largest gain, if that is not by chance: the values of the
+    coefficient in the flights scatter little about the break or the drift, by Student's
+    t with Bonferroni's correction for all changes; or no permutation of the flights
+    gains as much, whatever the distribution of the values. The first test takes the
+    coefficient alone, without β, which is common to all flights; it detects a change of
+    a few flights, of which there are few permutations.
 
     Args:
-        candidates: the effects about the fitted model, without flights.
-        grams: (flights, M + 1, M + 1) of the task's flights about the model.
+        candidates: the effects about the model, and the records' names.
+        grams: (n, M + 1, M + 1) of the flights.
         prior: of the columns' changes.
         rng: for the permutations.
     """
     count = len(grams)
-    space = candidates.task.space
+    columns = _columns_of(candidates, grams)
+    if count < _FEWEST or not columns:
+        return None
+    session = _session_of(candidates, grams, prior, columns)
     names = [record.name for record in candidates.task.records]
-    in_order = np.array(sorted(range(count), key=lambda i: by_number(names[i])))
-    slots = candidates.slots
+    order = np.array(sorted(range(count), key=lambda i: by_number(names[i])))
+
+    found = session.changes(order)
+    row, column = divmod(int(np.argmax(found.gains)), len(columns))
+    largest = found.gains[row, column]
+    if largest == 0.0:
+        return None
+    weights = session.delta_delta[order, column]
+    values = session.delta_error[order, column] / np.maximum(weights, 1e-300)
+    chance = _chance_of_slope(values, weights, session.shares[row])
+    if chance * found.gains.size > 0.5 * _LEVEL:
+        for _ in range(_PERMUTATIONS):
+            if session.changes(rng.permutation(count)).gains.max() >= largest:
+                return None
+
+    direction = candidates.directions[columns[column]]
+    coefficient = candidates.task.space.entries[candidates.slots[columns[column]]]
+    is_drift = row == len(session.shares) - 1
+    return Change(
+        kind=direction.kind,
+        coefficient=coefficient.name,
+        unit=coefficient.unit,
+        value=float(found.sizes[row, column]),
+        std=float(found.stds[row, column]),
+        flight="" if is_drift else names[order[row + _LEAST_SIDE]],
+    )
+
+
+def _columns_of(candidates: Candidates, grams: np.ndarray) -> list[int]:
+    """Columns of the sizes of formulas that show in a flight."""
+    space = candidates.task.space
     columns = []
     for kind, variants in candidates.variants.items():
         if kind in space.kinds:
             offered = {j for variant in variants for j in variant}
-            columns += sorted(j for j in offered if slots[j] not in space.shapes)
-    acting = [candidates.variants[k][0] for k in candidates.model.kinds]
-    base = sorted({*candidates.always, *(j for variant in acting for j in variant)})
-    columns = [j for j in columns if np.any(grams[:, j, j] > 0.0)]
-    if count < _FEWEST or not columns:
-        return None
+            sizes = [j for j in offered if candidates.slots[j] not in space.shapes]
+            columns += sorted(j for j in sizes if np.any(grams[:, j, j] > 0.0))
+    return columns
 
+
+def _session_of(
+    candidates: Candidates, grams: np.ndarray, prior: Prior, columns: list[int]
+) -> _Session:
+    """What the flights say of changes of some columns."""
+    beta = [*candidates.always]
+    for kind in candidates.model.kinds:
+        [acting] = candidates.variants[kind]
+        beta += acting
     known = grams.sum(axis=0)
-    information = known[np.ix_(base, base)] + np.diag(prior.precision[base])
-    root = np.linalg.inv(np.linalg.cholesky(information))
-    along = root @ known[base, -1]
-    shared = root @ grams[:, base][:, :, columns]
-    errors = grams[:, columns, -1]
-    squares = grams[:, columns, columns]
-    shares = np.triu(np.ones((count, count)))[_LEAST_SIDE : 1 - _LEAST_SIDE]
-    least = LEAST_SPREAD * space.scale[[slots[j] for j in columns]]
-    shares = np.vstack([shares, np.linspace(-0.5, 0.5, count)])
+    information = known[np.ix_(beta, beta)] + np.diag(prior.precision[beta])
+    inverse_root = np.linalg.inv(np.linalg.cholesky(information))
 
-    def gains_of(order: np.ndarray) -> _Gains:
-        mixed = np.tensordot(shares, shared[order], 1)
-        slope = shares @ errors[order] - np.einsum("kbm,b->km", mixed, along)
-        curvature = shares**2 @ squares[order] + prior.precision[columns]
-        curvature = np.maximum(curvature - np.sum(mixed**2, axis=1), 1e-12)
-        sizes = slope / curvature
-        gains = np.where(np.abs(sizes) < least, 0.0, 0.5 * slope * sizes)
-        return _Gains(gains, sizes, curvature**-0.5)
-
-    found = gains_of(in_order)
-    at, own = divmod(int(np.argmax(found.values)), found.values.shape[1])
-    largest = found.values[at, own]
-    if largest == 0.0:
-        return None
-    weights = squares[in_order, own]
-    values = errors[in_order, own] / np.maximum(weights, 1e-300)
-    chance = _chance_of_slope(values, weights, shares[at]) * found.values.size
-    if chance > 0.5 * _LEVEL:
-        for _ in range(_PERMUTATIONS):
-            if gains_of(rng.permutation(count)).values.max() >= largest:
-                return None
-
-    is_drift = at == len(shares) - 1
-    coefficient = space.entries[slots[columns[own]]]
-    return Change(
-        kind=candidates.directions[columns[own]].kind,
-        coefficient=coefficient.name,
-        unit=coefficient.unit,
-        value=float(found.sizes[at, own]),
-        std=float(found.stds[at, own]),
-        flight="" if is_drift else names[in_order[at + _LEAST_SIDE]],
+    count = len(grams)
+    # Row k is of the break at flight k; the first and last leave too few on a side.
+    breaks = np.triu(np.ones((count, count)))[_LEAST_SIDE : count - _LEAST_SIDE + 1]
+    drift = np.linspace(-0.5, 0.5, count)
+    scale = candidates.task.space.scale[[candidates.slots[j] for j in columns]]
+    return _Session(
+        z=inverse_root @ known[beta, -1],
+        beta_delta=inverse_root @ grams[:, beta][:, :, columns],
+        delta_error=grams[:, columns, -1],
+        delta_delta=grams[:, columns, columns],
+        precision=prior.precision[columns],
+        least=LEAST_SPREAD * scale,
+        shares=np.vstack([breaks, drift]),
     )
 
 
@@ -142,29 +189,26 @@ def by_number(name: str) -> list[tuple[int, str]]:
     return [(int(part) if part.isdecimal() else -1, part) for part in parts]
 
 
-def begin_of_end(names: Iterable[str], some: Collection[str]) -> str | None:
-    """Returns at which flight some, which are all at one end, meet the others."""
+def are_at_one_end(some: Collection[str], names: Iterable[str]) -> bool:
+    """Whether two flights or more are the first, or the last, of all by number."""
     ordered = sorted(names, key=by_number)
     count = len(some)
-    if not _LEAST_SIDE <= count <= len(ordered) - _LEAST_SIDE:
-        return None
-    if {*ordered[-count:]} == {*some}:
-        return ordered[-count]
-    return ordered[count] if {*ordered[:count]} == {*some} else None
+    ends = {*ordered[:count]}, {*ordered[-count:]}
+    return _LEAST_SIDE <= count <= len(ordered) - _LEAST_SIDE and {*some} in ends
 
 
 def _chance_of_slope(
     values: np.ndarray, weights: np.ndarray, shares: np.ndarray
 ) -> float:
-    """Probability of such a slope of values (n,) along their shares (n,) by chance.
+    """Probability by chance of values (n,) that follow their shares (n,) as well.
 
-    A weighted regression whose residuals give the variance.
+    By Student's t of a weighted regression, whose residuals give the variance.
     """
     mean = np.average(values, weights=weights)
     centered = shares - np.average(shares, weights=weights)
-    moment = np.sum(weights * centered**2)
-    slope = np.sum(weights * centered * values) / moment
-    left = np.sum(weights * (values - mean - slope * centered) ** 2)
+    spread = np.sum(weights * centered**2)
+    slope = np.sum(weights * centered * values) / spread
+    residual = np.sum(weights * (values - mean - slope * centered) ** 2)
     freedom = len(values) - 2
-    t = abs(slope) / np.sqrt(max(left, 1e-300) / freedom / moment)
+    t = abs(slope) / np.sqrt(max(residual, 1e-300) / freedom / spread)
     return 2.0 * float(stdtr(freedom, -t))

@@ -96,6 +96,22 @@ def test_poses_and_servos_in_two_files_are_joined(tmp_path, campaign):
     assert_guessed(files, campaign, tmp_path, elevator="angle")
 
 
+def test_quaternions_beside_positions_under_one_name(tmp_path, campaign):
+    """As pose.x, pose.qx, ...: the x, y and z of pose.q are no position."""
+
+    def columns_of(flight):
+        x, z, pitch = flight.pose.T
+        none = np.zeros_like(x)
+        turn = none, np.sin(0.5 * pitch), none, np.cos(0.5 * pitch)
+        return flight.time, x, none, z, *turn, flight.elevator, flight.command
+
+    names = "pose.x,pose.y,pose.z,pose.qx,pose.qy,pose.qz,pose.qw"
+    head = f"t,{names},elevator,elevator_rate"
+    files = write_tables(tmp_path, campaign, head, columns_of)
+    found = yaml.safe_load(guess_mapping(files).text)["columns"]
+    assert (found["position"], found["attitude"]) == ("pose", "pose.q")
+
+
 def test_names_with_units(tmp_path, campaign):
     files = write_tables(
         tmp_path,
