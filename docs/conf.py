@@ -54,6 +54,8 @@ myst_substitutions = {
     "many_flights": f"{constants.MANY_FLIGHTS}",
     "unlikely": f"{100 * constants.UNLIKELY:.2g} %",
     "moment_share": f"{constants.MOMENT_SHARE:g}",
+    "gain_error": f"{constants.GAIN_ERROR:.0%}",
+    "no_chance": f"{constants.NO_CHANCE:g}",
     "most_effects": f"{constants.MOST_EFFECTS}",
     "price": f"{constants.EVIDENCE_THRESHOLD:.1f}",
     "prior_scales": f"{constants.PRIOR_SCALES:g}",

@@ -12,6 +12,7 @@ from typing import Any
 from diagrams.programs.lab.folder import MAP, Watched, read_some
 from diagrams.programs.lab.state import Draft
 from glider.campaign.importing.formats import SUFFIXES
+from glider.campaign.importing.guess import quoted
 from glider.campaign.logs import Campaign
 from glider.errors import InputError, expect, show
 from glider.files import schema
@@ -160,7 +161,7 @@ def with_map_field(text: str, section: str, name: str, value: str) -> str:
     if section and not fields:
         del known[section]
     indent = "  " if section else ""
-    line = indent + schema.yaml_text({name: value}).strip()
+    line = f"{indent}{name}: {quoted(value)}"
     written = re.compile(rf"^{indent}{re.escape(name)}:.*$", re.MULTILINE)
     head = re.search(rf"^{re.escape(section)}:", text, re.MULTILINE)
     begin = head.end() if section and head else 0

@@ -129,7 +129,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
     lines.append("columns:")
     how = "PX4's topic" if known else "by its name"
-    lines += [f"  {name}: {_quoted(own)}  # {how}" for name, own in columns.items()]
+    lines += [f"  {name}: {quoted(own)}  # {how}" for name, own in columns.items()]
     if _ANGLE in known:
         reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
     if reasons:
@@ -142,7 +142,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     if "roll" in columns and east and frame.get("up") == "z":
         lines.append("  # ? north, east and up are left-handed: check roll's sign")
     fields = frame | {n: v for n, v in servo_frame.items() if n != "elevator"}
-    lines += [f"  {name}: {_quoted(value)}" for name, value in fields.items()]
+    lines += [f"  {name}: {quoted(value)}" for name, value in fields.items()]
     vehicle = "fixed_per_flight  # no elevator found; 'fixed' if all had one trim"
     if moving:  # Commanded angles cannot be used without the limit.
         lines.append(f"  elevator: {servo_frame['elevator']}  # {servo_why}")
@@ -263,12 +263,12 @@ def _guess_elevator(campaign: Campaign) -> tuple[_Fields, str]:
     return signs, f"it turns the glider so, by {abs(effect):.0f} standard errors"
 
 
-def _quoted(value: str | list[str]) -> str:
+def quoted(value: str | list[str]) -> str:
     """A name, or a list of several, as YAML has it."""
     if isinstance(value, list) and len(value) == 1:
         value = value[0]
     if isinstance(value, list):
-        return f"[{', '.join(map(_quoted, value))}]"
+        return f"[{', '.join(map(quoted, value))}]"
     is_plain = re.fullmatch(r"[A-Za-z/][\w./]*", value)
     if is_plain and value not in ("y", "n"):  # Those are booleans to some readers.
         return value

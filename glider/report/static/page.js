@@ -17,7 +17,7 @@ function drawFigures({ figures }, signal) {
     return `rgba(${channel(1)},${channel(3)},${channel(5)},${opacity})`;
   }
 
-  const scatter = ({ x, y, hover, opacity }) => ({
+  const scatter = ({ x, y, hover, opacity = 1 }) => ({
     type: "scatter", x, y, opacity,
     ...(hover ? { hoverinfo: "all", hovertemplate: `${hover}<extra></extra>` } : { hoverinfo: "skip" }),
   });
