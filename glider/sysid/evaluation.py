@@ -67,8 +67,8 @@ def evaluate(
     before = _table(models.get("nominal", models["refitted"]), records)
     after = _table(models["corrected"], records)
     errors: dict[str, Errors | None] = dict.fromkeys(MODELS)
-    for name, model in models.items():
-        table = _table(model, unseen)
+    held_out = {name: _table(model, unseen) for name, model in models.items()}
+    for name, table in held_out.items():
         with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
             equation = prediction.rms(table.residual)
 
@@ -90,7 +90,7 @@ def evaluate(
     first = [*unseen, *(r for r in records if r not in unseen)][:MANY_FLIGHTS]
     truth = without_model_errors(traced, spreads)
     floor = find_floor(own, first, truth, searched.noise.smoothing[2].ratio, rng)
-    noise = prediction.rms(table.noise)  # Of the corrected model, the last.
+    noise = prediction.rms(held_out["corrected"].noise)
     perfect = floor.errors(noise, len(unseen))
     errors[PERFECT] = perfect
     predict = functools.partial(prediction.predict, own)
