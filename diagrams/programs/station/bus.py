@@ -83,7 +83,11 @@ class Bus:
         self._lcm.Subscribe(channel, take)
 
     def handle(self, timeout: float = 0.0) -> int:
-        """Handles what has come, or waits for something [s]; returns the number."""
+        """Handles what has come, or waits for something [s]; returns the number.
+
+        Of the messages of one channel that come between two calls, Drake's LCM keeps
+        the first alone: what must arrive is to be repeated.
+        """
         return self._lcm.HandleSubscriptions(int(1e3 * timeout))
 
     def rest_until(self, due: float) -> None:

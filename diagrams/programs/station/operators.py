@@ -1,8 +1,9 @@
 """Kills and arms: an operator's last word reaches every servo on the bus.
 
-A kill holds until its sender arms again, and the sender repeats it as long as it holds.
-Another operator's arm counts only where the sender of the kill is silent, as one that
-has died. A servo that is killed says so, so that a station started later knows it.
+A kill holds until its sender arms again. The sender repeats it as long as it holds, and
+an arm for a second, since a message may be lost (see `Bus.handle`). Another operator's
+arm counts only where the sender of the kill is silent, as one that has died. A servo
+that is killed says so, so that a station started later knows it.
 """
 
 import math
@@ -21,7 +22,8 @@ REPEAT = 0.2
 """Time between two repetitions of a kill, or of a station's state [s]."""
 
 _SILENT = 1.0
-"""Silence after which the sender of a kill may be gone [s]."""
+"""Silence after which the sender of a kill may be gone [s]; an arm is repeated as long,
+and not longer, so that it ends no kill that was first said after it."""
 
 
 class Kills:
@@ -72,19 +74,29 @@ class Operator:
         self.kills = Kills()
         self._bus = bus
         self._clock = clock
-        self._said = -math.inf  # When we spoke last [s].
+        self._said = self._armed = -math.inf  # When we spoke, and armed, last [s].
         bus.listen(OPERATOR, self._hear)
 
     def say(self, name: str) -> None:
         """Kills or arms, here and on the bus."""
+        if name == ARM:
+            self._armed = self._clock()
+        self._say(name)
+
+    def repeat(self) -> None:
+        """Repeats our kill, or an arm of just now; to be called again and again."""
+        now = self._clock()
+        if now <= self._said + REPEAT:
+            return
+        if self.id in self.kills:
+            self._say(KILL)
+        elif now < self._armed + _SILENT:
+            self._say(ARM)
+
+    def _say(self, name: str) -> None:
         now = self._said = self._clock()
         self._bus.say(OPERATOR, now, (self.id,), (name,))
         self.kills.hear((self.id,), (name,), now)
-
-    def repeat(self) -> None:
-        """Repeats our kill as long as it holds; to be called again and again."""
-        if self.id in self.kills and self._clock() > self._said + REPEAT:
-            self.say(KILL)
 
     def _hear(
         self, stamp: float, values: Sequence[float], names: Sequence[str]

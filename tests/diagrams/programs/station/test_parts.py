@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from diagrams.programs.station.bus import OPERATOR, Bus
 from diagrams.programs.station.clocks import _WINDOW, AHEAD, CameraClock
+from diagrams.programs.station.operators import ARM, KILL, Kills, Operator
 from diagrams.programs.station.scenario import Release, Scenario, Sensors
 from diagrams.programs.station.throw_log import _flight_of
 from diagrams.programs.station.tracker import CommandTape, ReleaseDetector, mean_rates
@@ -68,6 +70,26 @@ def test_a_wire_obeys_one_sender_until_it_is_silent():
     assert not wire.obey(2.0, -5.0, 0.02)
     assert wire.rate == 5.0
     assert wire.obey(2.0, -5.0, 1.1) and wire.rate == -5.0
+
+
+def test_an_arm_reaches_a_servo_that_missed_the_first():
+    """For a second: longer, and it would end the kill of one that dies after it."""
+    bus, now, servo = Bus("memq://"), [0.0], Kills()
+    operator = Operator(bus, lambda: now[0])
+    operator.say(KILL)
+    servo.hear((operator.id,), (KILL,), 0.0)
+    now[0] = 0.05
+    operator.say(ARM)
+    bus.handle()  # And the servo was deaf.
+    heard = []
+    bus.listen(OPERATOR, lambda when, values, names: heard.append(when))
+    bus.listen(OPERATOR, lambda when, *said: servo.hear(said[0], said[1], when))
+    for now[0] in np.arange(0.1, 3.0, 0.05):
+        operator.repeat()
+        bus.handle()
+    assert not servo
+    assert len(heard) in (4, 5)
+    assert heard[-1] < 1.05
 
 
 @pytest.mark.parametrize("lost", [range(0), range(7, 9), range(5, 7)])
