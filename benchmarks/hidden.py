@@ -159,7 +159,7 @@ def weigh(
         effect = KINDS[kind](**{size.name: 0.05 * size.scale})
         models.append(GliderModel(effects=(effect,)))
     findings = Findings(models=tuple(models))
-    known, task, noise = read_task(campaign(flights), findings)
+    known, _, task, noise = read_task(campaign(flights), findings)
     task = dataclasses.replace(task, kinds=tuple(rivals))
     return known, task, noise, explain(task, noise, findings)
 

@@ -16,6 +16,7 @@ from glider.commands import (
     doctor,
     import_logs,
     next_throw,
+    rehearse,
     samples,
 )
 from glider.commands.parsing import CommandParser
@@ -31,6 +32,7 @@ _COMMANDS: dict[str, tuple[ModuleType | None, str]] = {
     "close-the-loop": (close_the_loop, "find what the model lacks, from flight logs"),
     "compare": (compare, "show what changed between the reports of two campaigns"),
     "next-throw": (next_throw, "propose the most informative next throws"),
+    "rehearse": (rehearse, "tell which effects the flights of a campaign would show"),
     "import": (import_logs, "convert logs of other software into a campaign"),
     "fly": (None, "fly throws live, with a real or a simulated glider"),
     "lab": (None, "run a session in the lab, with the loop closed between throws"),

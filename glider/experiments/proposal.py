@@ -5,13 +5,15 @@
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from glider.campaign.checks.inspection import inspect
+from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.campaign.turning import signs_of
@@ -103,13 +105,16 @@ def next_throw(
     expect(known_name in (None, campaign.name), what, known_name, f"'{campaign.name}'")
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         progress(Step("reading the flights", 0.0))
-        campaign, task, noise = read_task(campaign, findings)
+        found = campaign.elevator
+        what = f"{campaign.path}: its elevator"
+        expect(found == "servo", what, found, "a servo that can be commanded")
+        reading = read_task(campaign, findings)
         progress("fitting the explanations")
-        explanations = explain(task, noise, findings)
+        explanations = explain(reading.task, reading.noise, findings)
         return propose(
-            campaign,
-            task,
-            noise,
+            reading.campaign,
+            reading.task,
+            reading.noise,
             explanations,
             launches=launches,
             limits=limits,
@@ -118,15 +123,21 @@ def next_throw(
         )
 
 
-def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, Noise]:
-    """A campaign as inspected, all its flights as a task, and their noise.
+class Reading(NamedTuple):
+    """A campaign that was read again after an analysis."""
+
+    campaign: Campaign  #: As inspected.
+    masks: Mapping[str, Masks]  #: Of its flights.
+    task: Task  #: On all its flights.
+    noise: Noise
+
+
+def read_task(campaign: Campaign, findings: Findings) -> Reading:
+    """Reads a campaign again after an analysis.
 
     Raises:
-        InputError: no throw can be proposed for it.
+        InputError: its flights cannot be predicted.
     """
-    found = campaign.elevator
-    what = f"{campaign.path}: its elevator"
-    expect(found == "servo", what, found, "a servo that can be commanded")
     if not signs_of(findings.models[0]).are_right:
         raise InputError(
             f"{campaign.path}: an angle is logged with the wrong sign (angle_sign); "
@@ -144,7 +155,8 @@ def read_task(campaign: Campaign, findings: Findings) -> tuple[Campaign, Task, N
     records = prepare(
         campaign.flights, campaign, noise, vehicle.space, inspection.masks
     )
-    return campaign, make_task(records, vehicle, vehicle.kinds), noise
+    task = make_task(records, vehicle, vehicle.kinds)
+    return Reading(campaign, inspection.masks, task, noise)
 
 
 def propose(

@@ -89,7 +89,7 @@ def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
     monkeypatch.setattr("glider.experiments.throw_search._ROUNDS", 1)
     campaign = fly(typical("servo_lag"), flights=6)
     findings = Findings(models=(GliderModel(effects=(typical("servo_lag"),)),))
-    campaign, task, noise = read_task(campaign, findings)
+    campaign, _, task, noise = read_task(campaign, findings)
     explanations = explain(task, noise, findings)
     assert [e.model.kinds for e in explanations] == [("servo_lag",)]
     proposal = propose(campaign, task, noise, explanations, launches=1)

@@ -32,7 +32,7 @@ def late_posterior() -> Posterior:
     clocks = ServoLog(clock_std=0.0, command_std=0.0)  # Else 2 ms may be theirs.
     campaign = dataclasses.replace(campaign, servo=clocks)
     findings = Findings(models=(LATE, DELAYED))
-    campaign, task, noise = read_task(campaign, findings)
+    campaign, _, task, noise = read_task(campaign, findings)
     return campaign, task, noise, explain(task, noise, findings)
 
 

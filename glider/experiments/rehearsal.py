@@ -1,0 +1,443 @@
+"""Rehearsal of a campaign: which effects its flights would show, and at what size.
+
+The campaign is taken as it was flown: launches, commands, clocks, gaps, noise, moving
+air. An effect that its model does not have is planted, and the tracer searches for it;
+without one, what it names is a false alarm.
+
+Most of this is done to first order. Let G be the information of all flights on the
+columns of the candidates, linear about the model that was found. Where an effect acts
+by changes δ of its coefficients, another campaign like this one has the errors
+
+    b = G δ + L z,   L L' = G,   z ~ N(0, 1),
+
+from which the tracer's own search decides (`glider.sysid.search.subsets`). The tracer
+estimates the strengths of the noise as well, and part of an effect passes for noise: δ
+is reduced to the change that, of known strengths, loses as much likelihood. Last, each
+effect is planted once in the equations of motion, all flights are flown again, and the
+campaign is traced as a whole.
+"""
+
+import dataclasses
+import itertools
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from glider.campaign.checks.masks import Masks, masks_of
+from glider.campaign.logs import Campaign, Flight
+from glider.campaign.reader import load_campaign
+from glider.compiled.parallel import in_parallel
+from glider.compiled.replay import OFFSET, roll_out
+from glider.errors import InputError
+from glider.experiments.explanations import Findings, explain, findings_of
+from glider.experiments.proposal import Reading, read_task
+from glider.physics.effects.effect import Coefficient
+from glider.physics.state import NUM_STATES
+from glider.progress import Progress, Step, silent
+from glider.sysid.constants import MANY_FLIGHTS, PRIOR_SCALES
+from glider.sysid.fit.prediction import RolloutModel, find_launch, flown_by
+from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings, path_of
+from glider.sysid.likelihood.model_fit import grams_of
+from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
+from glider.sysid.likelihood.scales import Scales
+from glider.sysid.likelihood.task import FitResult
+from glider.sysid.pipeline import close_the_loop
+from glider.sysid.replay.log_space import sensed
+from glider.sysid.replay.record import Record
+from glider.sysid.replay.replayed import signals, states_at_rest
+from glider.sysid.search.subsets import climb, scorer_of
+
+LIKELY = (
+    "servo_lag",
+    "wind",
+    "elevator_trim",
+    "wing_incidence",
+    "center_of_pressure",
+    "downwash",
+    "attached_lift",
+    "profile_drag",
+    "pitch_damping",
+    "mass",
+)
+"""Effects that gliders most often have, which are rehearsed by default."""
+
+VISIBLE = 0.95
+"""Power at which an effect is visible."""
+
+_DRAWS = 200  # Campaigns of each size: a power of 95 % is then known to 1.5 %.
+_STEP = 4.0  # Ratio of two sizes that are tried first.
+_HALVINGS = 4  # Of their ratio's logarithm, about where an effect is visible.
+_SMALLEST = 2.0**-12  # Of the typical size.
+_ITERATIONS = 20  # Of a fit of the scales.
+_FEW = 3  # Answers that are reported.
+_LEAST_SHARE = 0.01  # Of an effect that does not pass for noise.
+_NOTHING = frozenset[str]()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rehearsed:
+    """What a campaign shows of one effect."""
+
+    kind: str
+    coefficient: Coefficient  #: That was planted: its first that sets the size.
+    size: float  #: That was planted [its unit].
+    power: float  #: Share of campaigns that name the effect.
+    #: Share of campaigns that name something else instead, by those names.
+    instead: dict[str, float]
+    #: (n, 2) sizes that were tried and the power at each, ascending.
+    curve: np.ndarray
+    visible: float  #: Smallest size with a power of VISIBLE; infinite where none has.
+    verdict: str = ""  #: Of the campaign that was flown again and traced.
+    named: tuple[str, ...] = ()  #: Effects that it names, without those of the model.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rehearsal:
+    """What a campaign can show."""
+
+    campaign: str  #: Its name.
+    flights: int  #: Their number.
+    known: tuple[str, ...]  #: Effects of the model, which act in all flights.
+    effects: tuple[Rehearsed, ...]
+    false_alarms: float  #: Share of campaigns without a further effect that name one.
+    #: Verdict and names of the campaign flown again with no further effect.
+    verdict: str = ""
+    named: tuple[str, ...] = ()
+    seed: int
+    seconds: float
+
+
+def rehearse(
+    campaign: Path | str | Campaign,
+    findings: Findings | None = None,
+    *,
+    effects: Sequence[str] | None = None,
+    size: float = 1.0,
+    flies: bool = True,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Rehearsal:
+    """Rehearses a campaign: which effects would its flights show?
+
+    Args:
+        campaign: the folder of its flights, or the campaign in memory.
+        findings: of an analysis of it; by default it is analysed.
+        effects: to plant; by default LIKELY, without those of the model.
+        size: to plant them in, in typical sizes of the library.
+        flies: whether each is also flown and traced once.
+        seed: of what is drawn.
+        progress: called with a line of text as the work goes on.
+
+    Raises:
+        InputError: the campaign or an argument cannot be used.
+    """
+    begin = time.perf_counter()
+    if not isinstance(campaign, Campaign):
+        flights = None if findings is None else findings.flights
+        campaign = load_campaign(Path(campaign), flights=flights)
+    if findings is None:
+        progress(Step("tracing the campaign", 0.0))
+        findings = findings_of(close_the_loop(campaign, seed=seed))
+
+    with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
+        progress(Step("fitting its model", 0.1))
+        reading = read_task(campaign, findings)
+        model = explain(reading.task, reading.noise, findings)[0].model
+        again = Rehearser(reading, model, seed)
+        kinds = again.chosen(effects)
+        found = []
+        for i, kind in enumerate(kinds):
+            share = 0.15 + 0.25 * i / len(kinds)
+            progress(Step(f"drawing campaigns with {kind}", share))
+            found.append(again.rehearsed(kind, size))
+        alarms = again.outcomes(np.zeros(len(again.root)))
+        result = Rehearsal(
+            campaign=campaign.name,
+            flights=len(reading.task.records),
+            known=model.kinds,
+            effects=tuple(found),
+            false_alarms=1.0 - alarms[_NOTHING] / _DRAWS,
+            seed=seed,
+            seconds=0.0,
+        )
+
+    if flies:
+        progress(Step("flying and tracing it without another effect", 0.4))
+        verdict, named = again.traced(None, seed)
+        traced = []
+        for i, own in enumerate(found):
+            share = 0.4 + 0.6 * (i + 1) / (len(kinds) + 1)
+            progress(Step(f"flying and tracing it with {own.kind}", share))
+            answer, names = again.traced(own, seed)
+            traced.append(dataclasses.replace(own, verdict=answer, named=names))
+        result = dataclasses.replace(
+            result, effects=tuple(traced), verdict=verdict, named=named
+        )
+    return dataclasses.replace(result, seconds=time.perf_counter() - begin)
+
+
+class Rehearser:
+    """A campaign that is drawn, or flown, again."""
+
+    def __init__(self, reading: Reading, model: FitResult, seed: int):
+        """Takes the campaign and the model of its glider."""
+        self.reading = reading
+        task = reading.task
+        # What a perfect model leaves.
+        scales = model.scales.without("moment", "servo").without_floors
+        self.model = dataclasses.replace(model, scales=scales)
+        self.flown = flown_by(task, model, model.scales)
+        few = task.thinned(MANY_FLIGHTS)
+        candidates = gather(few.offering(few.kinds), self.model)
+        share = len(task.records) / len(few.records)
+        self.gram = share * grams_of(candidates.flights, scales).sum(axis=0)
+        self.strengths = Strengths(typical_flights(candidates.flights), scales)
+        self.candidates = dataclasses.replace(candidates, flights=())
+        self.root = _root_of(self.gram[:-1, :-1])
+        rng = np.random.default_rng(seed)
+        self.noise = rng.normal(size=(_DRAWS, len(self.root))) @ self.root.T
+
+    def chosen(self, effects: Sequence[str] | None) -> list[str]:
+        """Effects to plant.
+
+        Raises:
+            InputError: one cannot be planted.
+        """
+        known = self.model.kinds
+        offered = [kind for kind in self.candidates.variants if kind not in known]
+        if effects is None:
+            return [kind for kind in LIKELY if kind in offered]
+        for kind in effects:
+            if kind not in offered:
+                has = f" (its model has {', '.join(known)})" if known else ""
+                raise InputError(
+                    f"{self.reading.campaign.path}: '{kind}' cannot be planted{has}; "
+                    f"expected one of {', '.join(offered)}."
+                )
+        return list(effects)
+
+    def column_of(self, kind: str) -> int:
+        """Column of the coefficient that sets the size of an effect.
+
+        Of those that were made linear, it is the first, with the shapes nearest to the
+        usual ones, and of the smallest step.
+        """
+        space = self.reading.task.space
+        usual = self.reading.task.vehicle.theta
+
+        def unusual(column: int) -> tuple[float, int, float]:
+            _, slot, step, shapes = self.candidates.directions[column]
+            apart = [abs(v - usual[i]) / space.scale[i] for i, v in shapes]
+            return sum(apart), slot, abs(step)
+
+        return min(itertools.chain(*self.candidates.variants[kind]), key=unusual)
+
+    def rehearsed(self, kind: str, size: float) -> Rehearsed:
+        """Draws campaigns with an effect of typical sizes times `size`, and others."""
+        column = self.column_of(kind)
+        coefficient = self.reading.task.space.entries[self.candidates.slots[column]]
+        scale = coefficient.scale
+        most = min(PRIOR_SCALES, coefficient.upper / scale)
+        outcomes = {size: self.outcomes(self.change_of(column, size * scale))}
+
+        def power(times: float) -> float:
+            if times not in outcomes:
+                outcomes[times] = self.outcomes(self.change_of(column, times * scale))
+            named = [n for names, n in outcomes[times].items() if kind in names]
+            return sum(named) / _DRAWS
+
+        low = high = size
+        while power(high) < VISIBLE and high < most:
+            low, high = high, min(_STEP * high, most)
+        while power(low) >= VISIBLE and low > _SMALLEST:
+            low, high = low / _STEP, low
+        for _ in range(_HALVINGS if power(high) >= VISIBLE else 0):
+            middle = (low * high) ** 0.5
+            low, high = (middle, high) if power(middle) < VISIBLE else (low, middle)
+        curve = np.array([(own * scale, power(own)) for own in sorted(outcomes)])
+        others = Counter(
+            {
+                ", ".join(sorted(names)): n / _DRAWS
+                for names, n in outcomes[size].items()
+                if names and kind not in names
+            }
+        )
+        return Rehearsed(
+            kind=kind,
+            coefficient=coefficient,
+            size=size * scale,
+            power=power(size),
+            instead=dict(others.most_common(_FEW)),
+            curve=curve,
+            visible=_first_above(curve, VISIBLE),
+        )
+
+    def change_of(self, column: int, size: float) -> np.ndarray:
+        """Change of all columns (m,) by an effect, less what passes for noise."""
+        change = np.zeros(len(self.root))
+        change[column] = size
+        fitted = [*self.candidates.always]
+        for kind in self.model.kinds:
+            fitted += self.candidates.variants[kind][0]
+        _, prior = self.candidates.nothing()
+        inner = self.gram[np.ix_(fitted, fitted)] + np.diag(prior.precision[fitted])
+        seen = change.copy()
+        seen[fitted] = -np.linalg.solve(inner, self.gram[fitted, column] * size)
+        return change * self.strengths.share(seen) ** 0.5
+
+    def outcomes(self, change: np.ndarray) -> Counter[frozenset[str]]:
+        """Draws campaigns with a change of the columns (m,), and counts the answers.
+
+        An answer is the effects that are named beside those of the model.
+        """
+        known = set(self.model.kinds)
+        errors = self.gram[:-1, :-1] @ change + self.noise
+        found = Counter[frozenset[str]]()
+        for error in errors:
+            drawn = self.gram.copy()
+            drawn[-1, :-1] = drawn[:-1, -1] = error
+            score = scorer_of(self.candidates, drawn[None])
+            members = climb(score, score.by_first(self.model.kinds))
+            found[frozenset(kind for kind, _ in members) - known] += 1
+        return found
+
+    def traced(
+        self, effect: Rehearsed | None, seed: int
+    ) -> tuple[str, tuple[str, ...]]:
+        """Flies the campaign again, with an effect or none, and traces it.
+
+        Returns the verdict, and the effects beside those of the model.
+        """
+        theta = self.model.theta.copy()
+        if effect is not None:
+            direction = self.candidates.directions[self.column_of(effect.kind)]
+            theta = direction.base(theta)
+            theta[direction.slot] += effect.size
+        again = self.flown_again(theta, self.model.scales, seed)
+        found = close_the_loop(again, seed=seed)
+        named = [own.kind for own in found.effects if own.kind not in self.model.kinds]
+        return found.verdict, tuple(named)
+
+    def flown_again(self, theta: np.ndarray, scales: Scales, seed: int) -> Campaign:
+        """Flies the campaign again with a glider, and noise and air of such scales."""
+        campaign, masks, task, _ = self.reading
+        flights = {flight.name: flight for flight in campaign.flights}
+        rngs = np.random.default_rng(seed).spawn(len(task.records))
+
+        def fly(pair: tuple[Record, np.random.Generator]) -> Flight:
+            record, rng = pair
+            flight = flights[record.name]
+            mask = masks_of(flight, masks)
+            return _fly_again(self.flown, theta, record, flight, mask, scales, rng)
+
+        flown = in_parallel(fly, zip(task.records, rngs, strict=True))
+        return dataclasses.replace(campaign, flights=tuple(flown))
+
+
+class Strengths:
+    """What is lost of an effect where the strengths of all noise are fitted, too.
+
+    Args:
+        flights: linear in all columns.
+        scales: of the noise, which are known.
+    """
+
+    def __init__(self, flights: Sequence[LinearFlight], scales: Scales):
+        """Fits the strengths to the flights as they are."""
+        self.flights = flights
+        self.gram = grams_of(flights, scales).sum(axis=0)[:-1, :-1]
+        own = [flight.error_only() for flight in flights]
+        self.scales, self.least, _ = fit_scales(own, scales, iterations=_ITERATIONS)
+
+    def share(self, step: np.ndarray) -> float:
+        """Returns what is lost without a step (m,), over what is of known strengths.
+
+        The mean of both signs: the noise that the flights have falls out.
+        """
+        lost = -self.least
+        for sign in (-1.0, 1.0):
+            moved = [flight.combined(sign * step) for flight in self.flights]
+            lost += 0.5 * fit_scales(moved, self.scales, iterations=_ITERATIONS).cost
+        return max(lost / (0.5 * step @ self.gram @ step), _LEAST_SHARE)
+
+
+def _root_of(gram: np.ndarray) -> np.ndarray:
+    """Returns L (m, m) of L L' = G, which may be singular and of any units."""
+    scale = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
+    values, vectors = np.linalg.eigh(gram / scale[:, None] / scale)
+    root: np.ndarray = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return root
+
+
+def _first_above(curve: np.ndarray, level: float) -> float:
+    """Size from which a curve (n, 2) stays above a level; infinite if it does not."""
+    below = np.flatnonzero(curve[:, 1] < level)
+    if not len(below):
+        return float(curve[0, 0])
+    last = int(below[-1])
+    if last == len(curve) - 1:
+        return np.inf
+    (size, low), (larger, high) = curve[last : last + 2]
+    return float(size * (larger / size) ** ((level - low) / (high - low)))
+
+
+def _fly_again(
+    model: RolloutModel,
+    theta: np.ndarray,
+    record: Record,
+    flight: Flight,
+    mask: Masks,
+    scales: Scales,
+    rng: np.random.Generator,
+) -> Flight:
+    """Flies a logged flight again, and logs it as it was logged.
+
+    Args:
+        model: that explains the flight, for its launch.
+        theta: the glider that flies; it stays in the plane of flight.
+        record: of the flight.
+        flight: whose rows are replaced; a row without a usable pose has none again.
+        mask: of the flight.
+        scales: of sensors, moving air, and constants of flights.
+        rng: of these.
+    """
+    space = record.space
+    time = record.time
+    count = len(time) - 1
+    launch = find_launch(model, record)[0].copy()
+    record = dataclasses.replace(
+        record,
+        rest=record.rest + launch[OFFSET],
+        bank=np.ones(count),
+        side_wind=np.zeros((count, 2)),
+    )
+    launch[OFFSET] = 0.0
+    launch[NUM_STATES:] = states_at_rest(record, theta, launch)
+    constants = rng.normal(size=4) * scales.of_flights
+    gusts = scales.air * rng.normal(size=(count, 2))
+    kept = np.exp(-np.diff(time) / scales.air_time)
+    for k in range(1, count):
+        gusts[k] = kept[k] * gusts[k - 1] + np.sqrt(1.0 - kept[k] ** 2) * gusts[k]
+    path, dynamics = path_of(record, theta, Surroundings(constants, gusts))
+    states = roll_out(space.flown, path, launch, dynamics, model.gaussians)
+
+    clock = flight.time - flight.time[np.argmax(mask.usable)]
+    shown = sensed(space, states, theta, model.gaussians)
+    shown[:, 2] += constants[3]
+    noise = rng.normal(size=(len(clock), 4)) * scales.sensors
+    pose = np.stack([np.interp(clock, time, own) for own in shown.T], axis=1)
+    pose = np.where(mask.usable[:, None], pose + noise[:, :3], np.nan)
+    elevator = flight.elevator
+    if elevator is not None and record.seen[:, 3].any():
+        logged = signals(record, theta).logged + states[:, OFFSET]
+        flown = np.interp(clock, time, logged) + noise[:, 3]
+        within = (clock >= 0.0) & (clock <= time[-1])
+        elevator = np.where(within, flown, elevator)
+    return dataclasses.replace(
+        flight, pose=pose, elevator=elevator, attitude=None, departure=None
+    )
