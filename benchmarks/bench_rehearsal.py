@@ -59,7 +59,9 @@ def lines_of(number: int, effects: int, seed: int):
         usual = rehearser.rehearsed(kind, 1.0)
         size = usual.visible * rng.uniform(*BETWEEN)
         planted = rehearser.rehearsed(kind, size / usual.coefficient.scale)
-        verdict, named = rehearser.traced(planted, int(rng.integers(1 << 30)))
+        found = rehearser.traced(planted, int(rng.integers(1 << 30)))
+        named = [own.kind for own in found.effects]
+        alike = [name for own in found.effects for name in own.indistinguishable_from]
         yield {
             "campaign": number,
             "flights": len(rehearser.reading.task.records),
@@ -69,26 +71,32 @@ def lines_of(number: int, effects: int, seed: int):
             "visible": usual.visible,
             "power": planted.power,
             "instead": planted.instead,
-            "verdict": verdict,
+            "verdict": found.verdict,
             "named": named,
+            "alike": alike,
         }
+
+
+def is_named(line: dict) -> bool:
+    """Whether the tracer named the effect, or one that is indistinguishable."""
+    return line["effect"] in (*line["named"], *line["alike"])
 
 
 def table(lines: list[dict]) -> str:
     """Returns the predicted and the measured power, by the predicted one."""
     rows = [
-        "| predicted power | campaigns | predicted | named | other names |",
+        "| predicted power | campaigns | predicted | named | named and trusted |",
         "|---|---|---|---|---|",
     ]
     for low, high in ((0.0, 0.33), (0.33, 0.67), (0.67, 0.95), (0.95, 1.01), (0, 1.01)):
         own = [x for x in lines if low <= x["power"] < high]
         if own:
             predicted = np.mean([x["power"] for x in own])
-            named = np.mean([x["effect"] in x["named"] for x in own])
-            other = sum(bool(set(x["named"]) - {x["effect"]}) for x in own)
+            named = np.mean([is_named(x) for x in own])
+            trusted = sum(x["verdict"] != "not_trusted" for x in own if is_named(x))
             rows.append(
                 f"| {low:.0%} to {min(high, 1.0):.0%} | {len(own)} | {predicted:.0%} | "
-                f"{named:.0%} | {other} |"
+                f"{named:.0%} | {trusted / len(own):.0%} |"
             )
     return "\n".join(rows)
 

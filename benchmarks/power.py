@@ -24,14 +24,14 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from glider.experiments.rehearsal import Strengths
 from glider.physics.parameter_space import OF_VEHICLE, ParameterSpace
 from glider.sysid.constants import RIVAL_GAP
 from glider.sysid.likelihood.candidates import tame
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import grams_of, linear_flights
-from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
-from glider.sysid.likelihood.scales import Scales
+from glider.sysid.likelihood.scale_fit import typical_flights
 from glider.sysid.likelihood.task import FitResult, Task
 
 FALSE_ALARMS = 0.01
@@ -105,7 +105,7 @@ def limits_of(
         correlations=std[:, None] * known[np.ix_(shows, shows)] * std,
         kinds=np.array([candidates[j].kind for j in shows]),
     )
-    strengths = _Strengths(typical_flights(flights), model.scales)
+    strengths = Strengths(typical_flights(flights), model.scales)
     found = []
     for place, j in enumerate(shows):
         direction = candidates[j]
@@ -114,14 +114,16 @@ def limits_of(
             continue
         if direction.kind == OF_VEHICLE or not is_usual[j]:
             continue  # A parameter of the vehicle, or another shape.
-        shown = strengths.size(steps[j], oracle.least(place, RIVAL_GAP), std[place])
+        shown = _size_of(
+            strengths, steps[j], oracle.least(place, RIVAL_GAP), std[place]
+        )
         named, rival = np.inf, oracle.rival(place)
         if np.isfinite(sigmas := oracle.least(place)):
             # What is left of the effect beside its rival has to show.
             alike = float(oracle.correlations[place, rival])
             left = np.sqrt(1.0 - alike**2)
             apart = steps[j] - alike * std[rival] / std[place] * steps[shows[rival]]
-            named = strengths.size(apart, sigmas * left, std[place] / left)
+            named = _size_of(strengths, apart, sigmas * left, std[place] / left)
         found.append(
             Limit(
                 kind=direction.kind,
@@ -163,52 +165,33 @@ def _beside(
     return steps, gram[:count, :count] + steps[:, count:] @ across.T
 
 
-class _Strengths:
-    """What is lost of an effect where the strengths of all noise are not known."""
+def _size_of(
+    strengths: Strengths, step: np.ndarray, sigmas: float, std: float
+) -> float:
+    """Returns the size of a step that loses ½ sigmas², the scales refitted.
 
-    def __init__(self, flights: Sequence[LinearFlight], scales: Scales):
-        """Takes flights, linear in all columns, and the strengths that are known."""
-        self.flights = flights
-        self.gram = np.sum(grams_of(flights, scales), axis=0)[:-1, :-1]
-        own = [f.error_only() for f in flights]
-        self.scales, self.least, _ = fit_scales(own, scales, iterations=_ITERATIONS)
-
-    def size(self, step: np.ndarray, sigmas: float, std: float) -> float:
-        """Returns the size of a step that loses ½ sigmas², the scales refitted.
-
-        Args:
-            step: change of all columns (m,) by an effect of size one.
-            sigmas: that many standard errors lose as much where the scales are known.
-            std: the standard error there.
-        """
-        size = sigmas * std
-        for _ in range(_ROUNDS):
-            lost = 0.5 * (size / std) ** 2 * self._share(size * step)
-            times = float(np.clip(np.sqrt(0.5 * sigmas**2 / lost), 0.5, 2.0))
-            size *= times
-            if abs(times - 1.0) < _CLOSE:
-                break
-        return float(size)
-
-    def _share(self, step: np.ndarray) -> float:
-        """Returns what is lost without a step, over what is where scales are known.
-
-        The mean of both signs: the noise that the flights have falls out.
-        """
-        lost = -self.least
-        for sign in (-1.0, 1.0):
-            moved = [f.combined(sign * step) for f in self.flights]
-            lost += 0.5 * fit_scales(moved, self.scales, iterations=_ITERATIONS).cost
-        return max(lost / (0.5 * step @ self.gram @ step), _LEAST_SHARE)
+    Args:
+        strengths: of the noise.
+        step: change of all columns (m,) by an effect of size one.
+        sigmas: that many standard errors lose as much where the scales are known.
+        std: the standard error there.
+    """
+    size = sigmas * std
+    for _ in range(_ROUNDS):
+        lost = 0.5 * (size / std) ** 2 * strengths.share(size * step)
+        times = float(np.clip(np.sqrt(0.5 * sigmas**2 / lost), 0.5, 2.0))
+        size *= times
+        if abs(times - 1.0) < _CLOSE:
+            break
+    return float(size)
 
 
 _LEAST_TOLD = 1e-9
 """Information on a coefficient of its usual scale below which it shows in no flight."""
 
 
-_ITERATIONS, _ROUNDS, _CLOSE, _LEAST_SHARE = 20, 10, 0.03, 0.01
-"""Of a fit of the scales, of the search for a size; how close it need be; and what is
-left at least."""
+_ROUNDS, _CLOSE = 10, 0.03
+"""Of the search for a size, and how close it need be."""
 
 
 def _candidates(task: Task, model: FitResult) -> tuple[list[Direction], list[bool]]:

@@ -1,7 +1,7 @@
 """Pictures of pages and programs, taken in Chromium.
 
 `python docs/extensions/screenshots.py [NAME ...]` runs the programs on sample campaigns
-and writes docs/pictures/NAME.png: report, lab, next_throw,
+and writes docs/pictures/NAME.png: report, lab, next_throw, rehearsal,
 funnel_in_meshcat and launch_map.
 """
 
@@ -69,6 +69,12 @@ def take_next_throw(folder: Path, picture: Path) -> None:
     shutil.copy(proposal / "next_throw.png", picture)
 
 
+def take_rehearsal(folder: Path, picture: Path) -> None:
+    """The power of a campaign over the size of effects."""
+    run("rehearse", "attached_lift", "--no-flights", "--out", folder / "rehearsal")
+    shutil.copy(folder / "rehearsal" / "rehearsal.png", picture)
+
+
 def take_funnel_in_meshcat(folder: Path, picture: Path) -> None:
     """The tube of a shipped funnel and its nominal flight."""
     from diagrams.playback import play, track_of
@@ -99,6 +105,7 @@ JOBS: dict[str, Callable[[Path, Path], None]] = {
     "report": take_report,
     "lab": take_lab,
     "next_throw": take_next_throw,
+    "rehearsal": take_rehearsal,
     "funnel_in_meshcat": take_funnel_in_meshcat,
     "launch_map": take_launch_map,
 }

@@ -38,9 +38,9 @@ from glider.experiments.proposal import Reading, read_task
 from glider.physics.effects.effect import Coefficient
 from glider.physics.state import NUM_STATES
 from glider.progress import Progress, Step, silent
-from glider.sysid.constants import MANY_FLIGHTS, PRIOR_SCALES
+from glider.sysid.constants import PRIOR_SCALES
 from glider.sysid.fit.prediction import RolloutModel, find_launch, flown_by
-from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.candidates import gather, gather_in_parts
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings, path_of
 from glider.sysid.likelihood.model_fit import grams_of
 from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
@@ -50,7 +50,8 @@ from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import signals, states_at_rest
-from glider.sysid.search.subsets import climb, scorer_of
+from glider.sysid.result import Result
+from glider.sysid.search.subsets import climb, near_sets, scorer_of
 
 LIKELY = (
     "servo_lag",
@@ -86,14 +87,14 @@ class Rehearsed:
     kind: str
     coefficient: Coefficient  #: That was planted: its first that sets the size.
     size: float  #: That was planted [its unit].
-    power: float  #: Share of campaigns that name the effect.
+    #: Share of campaigns that name the effect, or one that is indistinguishable.
+    power: float
     #: Share of campaigns that name something else instead, by those names.
     instead: dict[str, float]
     #: (n, 2) sizes that were tried and the power at each, ascending.
     curve: np.ndarray
     visible: float  #: Smallest size with a power of VISIBLE; infinite where none has.
-    verdict: str = ""  #: Of the campaign that was flown again and traced.
-    named: tuple[str, ...] = ()  #: Effects that it names, without those of the model.
+    flown: Result | None = None  #: Of a campaign that was flown again and traced.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -105,9 +106,7 @@ class Rehearsal:
     known: tuple[str, ...]  #: Effects of the model, which act in all flights.
     effects: tuple[Rehearsed, ...]
     false_alarms: float  #: Share of campaigns without a further effect that name one.
-    #: Verdict and names of the campaign flown again with no further effect.
-    verdict: str = ""
-    named: tuple[str, ...] = ()
+    flown: Result | None = None  #: Of the campaign flown again without one.
     seed: int
     seconds: float
 
@@ -155,7 +154,7 @@ def rehearse(
             share = 0.15 + 0.25 * i / len(kinds)
             progress(Step(f"drawing campaigns with {kind}", share))
             found.append(again.rehearsed(kind, size))
-        alarms = again.outcomes(np.zeros(len(again.root)))
+        alarms = again.outcomes(np.zeros(again.noise.shape[1]))
         result = Rehearsal(
             campaign=campaign.name,
             flights=len(reading.task.records),
@@ -168,16 +167,13 @@ def rehearse(
 
     if flies:
         progress(Step("flying and tracing it without another effect", 0.4))
-        verdict, named = again.traced(None, seed)
+        bare = again.traced(None, seed)
         traced = []
         for i, own in enumerate(found):
             share = 0.4 + 0.6 * (i + 1) / (len(kinds) + 1)
             progress(Step(f"flying and tracing it with {own.kind}", share))
-            answer, names = again.traced(own, seed)
-            traced.append(dataclasses.replace(own, verdict=answer, named=names))
-        result = dataclasses.replace(
-            result, effects=tuple(traced), verdict=verdict, named=named
-        )
+            traced.append(dataclasses.replace(own, flown=again.traced(own, seed)))
+        result = dataclasses.replace(result, effects=tuple(traced), flown=bare)
     return dataclasses.replace(result, seconds=time.perf_counter() - begin)
 
 
@@ -192,15 +188,14 @@ class Rehearser:
         scales = model.scales.without("moment", "servo").without_floors
         self.model = dataclasses.replace(model, scales=scales)
         self.flown = flown_by(task, model, model.scales)
-        few = task.thinned(MANY_FLIGHTS)
-        candidates = gather(few.offering(few.kinds), self.model)
-        share = len(task.records) / len(few.records)
-        self.gram = share * grams_of(candidates.flights, scales).sum(axis=0)
-        self.strengths = Strengths(typical_flights(candidates.flights), scales)
-        self.candidates = dataclasses.replace(candidates, flights=())
-        self.root = _root_of(self.gram[:-1, :-1])
+        own = task.offering(task.kinds)
+        self.candidates, grams = gather_in_parts(own, self.model, scales)
+        self.gram = grams.sum(axis=0)
+        few = gather(own.on(typical_flights(task.records)), self.model)
+        self.strengths = Strengths(few.flights, scales)
         rng = np.random.default_rng(seed)
-        self.noise = rng.normal(size=(_DRAWS, len(self.root))) @ self.root.T
+        drawn = rng.normal(size=(_DRAWS, len(self.gram) - 1))
+        self.noise = drawn @ _root_of(self.gram[:-1, :-1]).T
 
     def chosen(self, effects: Sequence[str] | None) -> list[str]:
         """Effects to plant.
@@ -279,49 +274,50 @@ class Rehearser:
 
     def change_of(self, column: int, size: float) -> np.ndarray:
         """Change of all columns (m,) by an effect, less what passes for noise."""
-        change = np.zeros(len(self.root))
+        change = np.zeros(self.noise.shape[1])
         change[column] = size
-        fitted = [*self.candidates.always]
-        for kind in self.model.kinds:
-            fitted += self.candidates.variants[kind][0]
+        fitted = self.acting
         _, prior = self.candidates.nothing()
         inner = self.gram[np.ix_(fitted, fitted)] + np.diag(prior.precision[fitted])
         seen = change.copy()
         seen[fitted] = -np.linalg.solve(inner, self.gram[fitted, column] * size)
         return change * self.strengths.share(seen) ** 0.5
 
+    @property
+    def acting(self) -> list[int]:
+        """Columns of the coefficients that are fitted in the model."""
+        effects = (self.candidates.variants[kind][0] for kind in self.model.kinds)
+        return [*self.candidates.always, *itertools.chain(*effects)]
+
     def outcomes(self, change: np.ndarray) -> Counter[frozenset[str]]:
         """Draws campaigns with a change of the columns (m,), and counts the answers.
 
-        An answer is the effects that are named beside those of the model.
+        An answer is the effects that are named beside those of the model, and those
+        that are said to be indistinguishable from them.
         """
         known = set(self.model.kinds)
-        errors = self.gram[:-1, :-1] @ change + self.noise
         found = Counter[frozenset[str]]()
-        for error in errors:
+        for error in self.gram[:-1, :-1] @ change + self.noise:
             drawn = self.gram.copy()
             drawn[-1, :-1] = drawn[:-1, -1] = error
             score = scorer_of(self.candidates, drawn[None])
             members = climb(score, score.by_first(self.model.kinds))
-            found[frozenset(kind for kind, _ in members) - known] += 1
+            answer = {kind for kind, _ in members} - known
+            if answer:
+                _, alike = near_sets(score, members)
+                answer = answer.union(*(alike[kind] for kind in answer))
+            found[frozenset(answer)] += 1
         return found
 
-    def traced(
-        self, effect: Rehearsed | None, seed: int
-    ) -> tuple[str, tuple[str, ...]]:
-        """Flies the campaign again, with an effect or none, and traces it.
-
-        Returns the verdict, and the effects beside those of the model.
-        """
+    def traced(self, effect: Rehearsed | None, seed: int) -> Result:
+        """Flies the campaign again, with an effect or none, and traces it."""
         theta = self.model.theta.copy()
         if effect is not None:
             direction = self.candidates.directions[self.column_of(effect.kind)]
             theta = direction.base(theta)
             theta[direction.slot] += effect.size
         again = self.flown_again(theta, self.model.scales, seed)
-        found = close_the_loop(again, seed=seed)
-        named = [own.kind for own in found.effects if own.kind not in self.model.kinds]
-        return found.verdict, tuple(named)
+        return close_the_loop(again, seed=seed)
 
     def flown_again(self, theta: np.ndarray, scales: Scales, seed: int) -> Campaign:
         """Flies the campaign again with a glider, and noise and air of such scales."""

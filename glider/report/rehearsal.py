@@ -3,6 +3,7 @@
 import importlib.metadata
 import io
 import math
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from glider.files.writing import replace_files
 from glider.report.numbers import Unit
 from glider.report.plots.style import BLUE, ORANGE, STYLE
 from glider.report.terminal import make_table, writer
+from glider.sysid.result import Result
 
 
 def write_rehearsal(rehearsal: Rehearsal, folder: Path) -> None:
@@ -43,7 +45,7 @@ def to_json(rehearsal: Rehearsal) -> dict[str, Any]:
             "known_effects": r.known,
             "seed": r.seed,
             "false_alarms": r.false_alarms,
-            "without_effect": {"verdict": r.verdict, "named": r.named},
+            "flown": r.flown and _answer(r.flown, r.known),
             "effects": [
                 {
                     "kind": own.kind,
@@ -54,7 +56,7 @@ def to_json(rehearsal: Rehearsal) -> dict[str, Any]:
                     "instead": own.instead,
                     "visible": own.visible,
                     "curve": own.curve,
-                    "flown": {"verdict": own.verdict, "named": own.named},
+                    "flown": own.flown and _answer(own.flown, r.known),
                 }
                 for own in r.effects
             ],
@@ -67,21 +69,22 @@ def to_json(rehearsal: Rehearsal) -> dict[str, Any]:
 def print_rehearsal(rehearsal: Rehearsal, console: Console) -> None:
     """Prints a row for each effect, and the false alarms."""
     write = writer(console)
-    has = ", ".join(rehearsal.known) or "no effect"
+    known = rehearsal.known
+    has = ", ".join(known) or "no effect"
     write(
         f"{rehearsal.flights} flights of {rehearsal.campaign}, whose model has {has}."
     )
     write()
     headings = ["effect", "size", "power", "visible from"]
-    if rehearsal.verdict:
+    if rehearsal.flown:
         headings.append("flown and traced once")
     table = make_table(*headings)
     for own in rehearsal.effects:
         unit = Unit(name=own.coefficient.unit)
         visible = unit.text(own.visible) if math.isfinite(own.visible) else "no size"
         cells = [own.kind, unit.text(own.size), f"{own.power:.0%}", visible]
-        if rehearsal.verdict:
-            cells.append(_answer(own.verdict, own.named))
+        if own.flown:
+            cells.append(_in_words(own.flown, known))
         table.add_row(*cells)
     console.print(table)
     write()
@@ -91,10 +94,8 @@ def print_rehearsal(rehearsal: Rehearsal, console: Console) -> None:
     for sentence in confusions(rehearsal):
         write(sentence)
     alarms = f"Without a further effect, {rehearsal.false_alarms:.1%} name one"
-    if rehearsal.verdict:
-        alarms += (
-            f"; flown and traced once: {_answer(rehearsal.verdict, rehearsal.named)}"
-        )
+    if rehearsal.flown:
+        alarms += f"; flown and traced once: {_in_words(rehearsal.flown, known)}"
     write(f"{alarms}.")
 
 
@@ -139,6 +140,13 @@ def _draw_curve(axes: Any, own: Rehearsed) -> None:
     axes.title.set_fontsize(9)
 
 
-def _answer(verdict: str, named: tuple[str, ...]) -> str:
-    """A verdict, with the effects that it names."""
-    return f"{verdict}: {', '.join(named)}" if named else verdict
+def _answer(flown: Result, known: Collection[str]) -> dict[str, Any]:
+    """The verdict on a flown campaign, and the names beside those of the model."""
+    named = [own.kind for own in flown.effects if own.kind not in known]
+    return {"verdict": flown.verdict, "named": named}
+
+
+def _in_words(flown: Result, known: Collection[str]) -> str:
+    """The same for people."""
+    named = _answer(flown, known)["named"]
+    return f"{flown.verdict}: {', '.join(named)}" if named else flown.verdict

@@ -97,6 +97,24 @@ def test_next_throw_proposes(reported, tmp_path, capsys, monkeypatch):
         assert not data["nothing_more_to_learn"]
 
 
+def test_the_campaign_is_rehearsed(reported, tmp_path, capsys):
+    """With the model of the report, its free functions too."""
+    out = tmp_path / "rehearsal"
+    options = ["--effects", "mass", "--no-flights", "--out", str(out)]
+    files = ["--report", str(reported.folder)]
+    assert main(["rehearse", str(reported.campaign), *files, *options]) == 0
+    said, error = capsys.readouterr()
+    assert "Traceback" not in error
+    assert is_warned_of(reported, error) == (reported.result.verdict == "not_trusted")
+    assert f"{reported.result.flights.count} flights" in said
+    data = json.loads((out / "rehearsal.json").read_text())
+    [mass] = data["effects"]
+    assert mass["power"] > 0.9
+    assert 0.0 < mass["visible"] < mass["size"]
+    assert mass["flown"] is None
+    assert (out / "rehearsal.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_a_report_is_compared_with_itself(reported, capsys):
     assert main(["compare", *[str(reported.folder)] * 2]) == 0
     said, error = capsys.readouterr()

@@ -43,7 +43,7 @@ def test_a_large_effect_is_named_and_a_small_one_is_not(rehearser):
 
 
 def test_few_campaigns_without_another_effect_name_one(rehearser):
-    answers = rehearser.outcomes(np.zeros(len(rehearser.root)))
+    answers = rehearser.outcomes(np.zeros(rehearser.noise.shape[1]))
     assert answers[frozenset()] >= 0.95 * sum(answers.values())
 
 
@@ -81,7 +81,11 @@ def test_a_campaign_is_flown_again_as_it_was(rehearser, campaign):
 
 def test_a_planted_effect_is_traced_in_flight(rehearser):
     planted = rehearser.rehearsed("mass", 1.0)
-    assert rehearser.traced(planted, 1) == ("effect_found", ("mass",))
+    found = rehearser.traced(planted, 1)
+    assert found.verdict == "effect_found"
+    assert {own.kind for own in found.effects} == {"wind", "mass"}
+    mass = next(own for own in found.effects if own.kind == "mass")
+    assert mass.coefficients["change"].value == pytest.approx(0.1, abs=0.02)
 
 
 def test_an_effect_of_the_model_or_an_unknown_one_is_refused(campaign):
