@@ -287,7 +287,7 @@ class Analysis:
                 "those that were tried."
             )
 
-        if unlike is not None and not unlike.left.may_be_chance:
+        if unlike is not None and unlike.left.exceeds_chance:
             found.append(unlike.warning)
         return tuple(found)
 

@@ -93,7 +93,7 @@ def test_flights_unlike_the_others_are_predicted_without_them(few):
     nominal, floor = few.unlike.errors["nominal"], few.unlike.errors[PERFECT]
     assert few.unlike.left.position_m < 0.1 * nominal.position_rms_m
     assert few.unlike.left.position_m < 2.0 * floor.position_rms_m
-    assert few.unlike.left.may_be_chance and not few.warnings
+    assert not (few.unlike.left.exceeds_chance or few.warnings)
 
 
 @pytest.mark.nightly

@@ -101,7 +101,7 @@ def test_what_only_few_flights_show_is_not_known_without_them():
     assert unlike.flights == tuple(f"flight_{i:03d}.csv" for i in range(12, 15))
     assert unlike.difference.what == "largest alpha"
     assert unlike.left.position_m > 0.01
-    assert unlike.left.ratio_to_floor > 4.0 and not unlike.left.may_be_chance
+    assert unlike.left.ratio_to_floor > 4.0 and unlike.left.exceeds_chance
     assert "within the flown range only" in unlike.warning
 
 
@@ -110,4 +110,4 @@ def test_what_all_flights_show_is_known_without_the_most_unlike():
     campaign = CampaignPlan(flights=10).simulate(STALLING, np.random.default_rng(3))
     unlike = unlike_of(*fit_truth(campaign))
     assert unlike.left.position_m < 0.005
-    assert unlike.left.may_be_chance
+    assert not unlike.left.exceeds_chance
