@@ -30,6 +30,7 @@ import numpy as np
 from benchmarks.hidden import RIVALS, Thrower, perch_throw, probability, weigh
 from glider.experiments.proposal import propose
 from glider.experiments.throw_limits import ThrowLimits
+from glider.physics.model import GliderModel
 
 ENOUGH = 0.95
 """Probability of the right explanation that ends a campaign."""
@@ -84,6 +85,7 @@ def run(truth: int, most: int) -> dict[str, Any]:
                     task,
                     noise,
                     explanations,
+                    traced=GliderModel(),
                     launches=1,
                     limits=dataclasses.replace(LIMITS),
                     seed=truth + 1000 * count,

@@ -31,7 +31,6 @@ from glider.sysid.likelihood.candidates import tame
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import grams_of, linear_flights
-from glider.sysid.likelihood.scale_fit import typical_flights
 from glider.sysid.likelihood.task import FitResult, Task
 
 FALSE_ALARMS = 0.01
@@ -105,7 +104,7 @@ def limits_of(
         correlations=std[:, None] * known[np.ix_(shows, shows)] * std,
         kinds=np.array([candidates[j].kind for j in shows]),
     )
-    strengths = Strengths(typical_flights(flights), model.scales)
+    strengths = Strengths(flights, model.scales)
     found = []
     for place, j in enumerate(shows):
         direction = candidates[j]
@@ -178,7 +177,7 @@ def _size_of(
     """
     size = sigmas * std
     for _ in range(_ROUNDS):
-        lost = 0.5 * (size / std) ** 2 * strengths.share(size * step)
+        lost = strengths.lost_without(size * step)
         times = float(np.clip(np.sqrt(0.5 * sigmas**2 / lost), 0.5, 2.0))
         size *= times
         if abs(times - 1.0) < _CLOSE:

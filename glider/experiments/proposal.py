@@ -22,7 +22,8 @@ from glider.experiments.explanations import Explanation, Findings, explain
 from glider.experiments.forecast import Forecast, added
 from glider.experiments.throw_limits import ThrowLimits
 from glider.experiments.throw_search import end_scatter, search
-from glider.experiments.throws import Range, Throw, range_of
+from glider.experiments.throws import Range, Throw, departures_of, range_of
+from glider.physics.model import GliderModel
 from glider.progress import Progress, Step, silent
 from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.replay.log_space import log_space
@@ -43,6 +44,8 @@ class Proposal:
     throws: tuple[Throw, ...]  #: Proposed, the most informative first.
     #: Of each throw, (explanations, n, 3) predicted poses.
     paths: tuple[np.ndarray, ...]
+    #: Of each throw, how far it is beyond what the model was traced on; or empty.
+    beyond: tuple[str, ...]
     flown: tuple[np.ndarray, ...]  #: Poses (n, 3) of the flights so far.
     place: Range  #: Where they are flown.
     #: Probability that the most probable explanation is the right one.
@@ -116,6 +119,7 @@ def next_throw(
             reading.task,
             reading.noise,
             explanations,
+            traced=findings.models[0],
             launches=launches,
             limits=limits,
             seed=seed,
@@ -165,12 +169,16 @@ def propose(
     noise: Noise,
     explanations: Sequence[Explanation],
     *,
+    traced: GliderModel,
     launches: int = 3,
     limits: ThrowLimits | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Proposal:
-    """Proposes throws, given the explanations of a campaign; see `next_throw`."""
+    """Proposes throws, given the explanations of a campaign; see `next_throw`.
+
+    `traced` is the corrected model, which has the range that was flown.
+    """
     begin = time.perf_counter()
     forecast = Forecast(
         campaign=campaign,
@@ -190,6 +198,7 @@ def propose(
         explanations=forecast.explanations,
         throws=tuple(own.throw for own in found),
         paths=tuple(own.paths for own in found),
+        beyond=tuple(departures_of(traced, own.throw, forecast.place) for own in found),
         flown=tuple(record.pose for record in task.records),
         place=forecast.place,
         chance_now=float(forecast.probabilities.max()),

@@ -19,6 +19,7 @@ campaign is traced as a whole.
 
 import dataclasses
 import itertools
+import math
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -38,20 +39,20 @@ from glider.experiments.proposal import Reading, read_task
 from glider.physics.effects.effect import Coefficient
 from glider.physics.state import NUM_STATES
 from glider.progress import Progress, Step, silent
-from glider.sysid.constants import PRIOR_SCALES
+from glider.sysid.constants import MANY_FLIGHTS, PRIOR_SCALES
 from glider.sysid.fit.prediction import RolloutModel, find_launch, flown_by
 from glider.sysid.likelihood.candidates import gather, gather_in_parts
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings, path_of
-from glider.sysid.likelihood.model_fit import grams_of
-from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
+from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult
+from glider.sysid.outcome import BAND
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import signals, states_at_rest
-from glider.sysid.result import Result
-from glider.sysid.search.subsets import climb, near_sets, scorer_of
+from glider.sysid.result import UNEXPLAINED, Result
+from glider.sysid.search.subsets import Members, Scorer, climb, near_sets, scorer_of
 
 LIKELY = (
     "servo_lag",
@@ -78,6 +79,12 @@ _ITERATIONS = 20  # Of a fit of the scales.
 _FEW = 3  # Answers that are reported.
 _LEAST_SHARE = 0.01  # Of an effect that does not pass for noise.
 _NOTHING = frozenset[str]()
+_SURE = math.log(BAND**2 - 1.0)
+"""Gain of an effect over none [nats] above which the band of its size excludes zero.
+
+The variance of a size x, averaged over both, is at least p x² for a probability p of
+none, and p < 1 / BAND².
+"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -184,15 +191,15 @@ class Rehearser:
         """Takes the campaign and the model of its glider."""
         self.reading = reading
         task = reading.task
-        # What a perfect model leaves.
-        scales = model.scales.without("moment", "servo").without_floors
+        scales = model.scales.without("moment", "servo")  # As a perfect model has them.
         self.model = dataclasses.replace(model, scales=scales)
         self.flown = flown_by(task, model, model.scales)
         own = task.offering(task.kinds)
         self.candidates, grams = gather_in_parts(own, self.model, scales)
         self.gram = grams.sum(axis=0)
-        few = gather(own.on(typical_flights(task.records)), self.model)
+        few = gather(own.thinned(MANY_FLIGHTS), self.model)
         self.strengths = Strengths(few.flights, scales)
+        self.reach = len(task.records) / len(few.flights)
         rng = np.random.default_rng(seed)
         drawn = rng.normal(size=(_DRAWS, len(self.gram) - 1))
         self.noise = drawn @ _root_of(self.gram[:-1, :-1]).T
@@ -281,7 +288,11 @@ class Rehearser:
         inner = self.gram[np.ix_(fitted, fitted)] + np.diag(prior.precision[fitted])
         seen = change.copy()
         seen[fitted] = -np.linalg.solve(inner, self.gram[fitted, column] * size)
-        return change * self.strengths.share(seen) ** 0.5
+        known = 0.5 * seen @ self.gram[:-1, :-1] @ seen
+        # All is fitted at once, which loses less than either alone.
+        lost = min(map(self.strengths.lost_without, (change, seen)))
+        share = lost * self.reach / known
+        return change * np.clip(share, _LEAST_SHARE, 1.0) ** 0.5
 
     @property
     def acting(self) -> list[int]:
@@ -295,19 +306,30 @@ class Rehearser:
         An answer is the effects that are named beside those of the model, and those
         that are said to be indistinguishable from them.
         """
-        known = set(self.model.kinds)
         found = Counter[frozenset[str]]()
         for error in self.gram[:-1, :-1] @ change + self.noise:
             drawn = self.gram.copy()
             drawn[-1, :-1] = drawn[:-1, -1] = error
             score = scorer_of(self.candidates, drawn[None])
             members = climb(score, score.by_first(self.model.kinds))
-            answer = {kind for kind, _ in members} - known
-            if answer:
-                _, alike = near_sets(score, members)
-                answer = answer.union(*(alike[kind] for kind in answer))
-            found[frozenset(answer)] += 1
+            found[self._answer(score, members)] += 1
         return found
+
+    def _answer(self, score: Scorer, members: Members) -> frozenset[str]:
+        """What is reported of a set of effects, beside those of the model.
+
+        An effect without which the set is nearly as probable has no name.
+        """
+        known = set(self.model.kinds)
+        named = set[str]()
+        for (kind, _), others in zip(members, score.smaller(members), strict=True):
+            if kind not in known:
+                sure = score(members) - score(others) > _SURE
+                named.add(kind if sure else UNEXPLAINED)
+        if not named - {UNEXPLAINED}:
+            return frozenset(named)
+        _, alike = near_sets(score, members)
+        return frozenset(named.union(*(alike.get(kind, ()) for kind in named)))
 
     def traced(self, effect: Rehearsed | None, seed: int) -> Result:
         """Flies the campaign again, with an effect or none, and traces it."""
@@ -316,7 +338,8 @@ class Rehearser:
             direction = self.candidates.directions[self.column_of(effect.kind)]
             theta = direction.base(theta)
             theta[direction.slot] += effect.size
-        again = self.flown_again(theta, self.model.scales, seed)
+        scales = self.model.scales.without_floors
+        again = self.flown_again(theta, scales, seed)
         return close_the_loop(again, seed=seed)
 
     def flown_again(self, theta: np.ndarray, scales: Scales, seed: int) -> Campaign:
@@ -346,12 +369,11 @@ class Strengths:
     def __init__(self, flights: Sequence[LinearFlight], scales: Scales):
         """Fits the strengths to the flights as they are."""
         self.flights = flights
-        self.gram = grams_of(flights, scales).sum(axis=0)[:-1, :-1]
         own = [flight.error_only() for flight in flights]
         self.scales, self.least, _ = fit_scales(own, scales, iterations=_ITERATIONS)
 
-    def share(self, step: np.ndarray) -> float:
-        """Returns what is lost without a step (m,), over what is of known strengths.
+    def lost_without(self, step: np.ndarray) -> float:
+        """Returns the log-likelihood that is lost without a step (m,) [nats].
 
         The mean of both signs: the noise that the flights have falls out.
         """
@@ -359,7 +381,7 @@ class Strengths:
         for sign in (-1.0, 1.0):
             moved = [flight.combined(sign * step) for flight in self.flights]
             lost += 0.5 * fit_scales(moved, self.scales, iterations=_ITERATIONS).cost
-        return max(lost / (0.5 * step @ self.gram @ step), _LEAST_SHARE)
+        return lost
 
 
 def _root_of(gram: np.ndarray) -> np.ndarray:

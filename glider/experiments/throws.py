@@ -9,8 +9,10 @@ import numpy as np
 
 from glider.campaign.logs import Campaign, Flight
 from glider.campaign.motion_capture import MotionCapture
+from glider.compiled.flight import fly_tapes
 from glider.experiments.throw_limits import LAUNCH, ThrowLimits
 from glider.physics.effects import Gaussians
+from glider.physics.flown_range import describe_departures
 from glider.physics.model import GliderModel
 from glider.physics.parameter_space import ParameterSpace
 from glider.physics.servo import Servo
@@ -235,6 +237,18 @@ def fly_throw(
         thrown, place, log_space_of(model), vector_of(model), model.gaussians
     )
     return measured(flight, MotionCapture(rate=place.pose_rate), rng)
+
+
+def departures_of(model: GliderModel, throw: Throw, place: Range) -> str:
+    """Describes how far a throw is beyond what a model was traced on; empty if not."""
+    if not model.flown:
+        return ""
+    step = (throw.end - throw.times[-1]) / _FINE
+    tape = np.repeat(throw.commands, _FINE)[: round(throw.duration / step)]
+    start = model.initial_state(throw.launch)
+    states = fly_tapes(model, start[None], tape[None], step, servo=place.servo)[0]
+    rates = np.gradient(states[:, ELEVATOR], step)
+    return describe_departures(model, step * np.arange(len(states)), states, rates)
 
 
 def is_safe(

@@ -8,7 +8,14 @@ import numpy as np
 
 from glider.report import numbers
 from glider.report.numbers import DEGREE, DIVERGED, MILLIMETRE, Unit
-from glider.sysid.result import MODELS, PERFECT, HeldOutFlight, Report, Result
+from glider.sysid.result import (
+    MODELS,
+    PERFECT,
+    HeldOutFlight,
+    Report,
+    Result,
+    UnlikeFlights,
+)
 
 FREE = "rollout.position_rms_m"
 """Field of `Errors`, as in report.json: the RMS distance of a free rollout."""
@@ -66,7 +73,7 @@ def error_rows(result: Result) -> list[_ErrorRow]:
     return rows
 
 
-def error_of(report: Report, model: str, field: str) -> float:
+def error_of(report: Report | UnlikeFlights, model: str, field: str) -> float:
     """An error of a model by its field of `Errors`; NaN where it has none."""
     errors = report.errors.get(model)
     return math.nan if errors is None else float(attrgetter(field)(errors))

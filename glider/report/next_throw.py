@@ -18,7 +18,7 @@ from glider.files.schema import json_text, to_builtins
 from glider.files.writing import replace_files
 from glider.report.numbers import format_length
 from glider.report.plots.style import BLUE, GREEN, ORANGE, PURPLE, RED, STYLE
-from glider.report.wording import TEMPLATES
+from glider.report.wording import TEMPLATES, join
 from glider.systems.command_tape import tape_text
 
 _SURE = 0.99
@@ -71,6 +71,8 @@ def sentences(proposal: Proposal) -> list[str]:
             for i, j in itertools.combinations(likely, 2)
             if evidence[i, j] < _INSEPARABLE
         ],
+        beyond=[f"throw {k} ({own})" for k, own in enumerate(p.beyond, 1) if own],
+        join=join,
         chance=_chance,
         length=format_length,
     )
@@ -145,6 +147,7 @@ def to_json(proposal: Proposal) -> dict[str, Any]:
                     "speed_m_s": t.speed,
                     "climb_rad": t.climb,
                     "pitch_rad": t.launch[2],
+                    "beyond_flown": p.beyond[k - 1],
                 }
                 for k, t in enumerate(p.throws, start=1)
             ],

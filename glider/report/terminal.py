@@ -65,7 +65,7 @@ def make_table(*headings: str, **style: Any) -> Table:
 
 def _errors_table(result: Result) -> Table:
     models = columns_of(result)
-    flights = wording.counted(result.flights.held_out, "held-out flight")
+    flights = wording.counted(result.flights.predicted, "held-out flight")
     table = make_table(
         *("", *models, "floor", "gain"),
         title=f"Errors on {flights}",

@@ -34,7 +34,7 @@ from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
-from glider.sysid.verdict import find_doubt, judge
+from glider.sysid.verdict import find_doubt, judge, too_few_fly
 
 _SHARES = {
     "compile": 0.06,
@@ -157,7 +157,8 @@ class Analysis:
             alternatives, known = _weigh(found, signs, flown_values)
             effects = outcome.effects_of(task, traced, tests, known, spreads, signs)
 
-        doubt = find_doubt(task, model)
+        flights = evaluated["flights"]
+        doubt = find_doubt(task, model) or too_few_fly(flights)
         if doubt is None and POSITION_SCALE.kind not in model.kinds:
             wrong = [s for s in self.inspection.warnings if s.startswith(SCALE)]
             doubt = wrong[0].rstrip(".") if wrong else None
@@ -169,17 +170,16 @@ class Analysis:
         for name, why in found.outlying.items():
             rows.append(ExcludedRows(file=name, rows=ALL, why=why))
 
-        flown = tuple(flight.name for flight in evaluated["held_out"])
-        fitted = tuple(record.name for record in task.records)
         scales = model.scales
         space = self.vehicle.space
         return result.Result(
             campaign=campaign.name,
             path=campaign.path,
-            flights=result.FlightNames(fitted, flown),
             knows_forces=self.vehicle.knows_forces,
             verdict=verdict,
-            reason=reason + self._about_outlying(found.outlying),
+            reason=reason
+            + self._about_outlying(found.outlying)
+            + _about_diverged(flights),
             effects=effects,
             **evaluated,
             changes=() if change is None else (change,),
@@ -191,7 +191,7 @@ class Analysis:
             model=alternatives[0].model,
             alternatives=alternatives,
             covariance=outcome.covariance_of(task, known),
-            warnings=self._warnings(),
+            warnings=self._warnings(evaluated["unlike"]),
             set_aside=tuple(sorted(rows, key=_file_of)),
             noise=result.MeasurementNoise(found.noise.position, found.noise.pitch),
             log_findings=self.inspection.warnings + servo,
@@ -274,18 +274,33 @@ class Analysis:
             f"them with the others: {', '.join(sorted(outlying))}."
         )
 
-    def _warnings(self) -> tuple[str, ...]:
+    def _warnings(self, unlike: result.UnlikeFlights | None) -> tuple[str, ...]:
         """Returns sentences about what limits the result."""
+        found = []
         tried = self.settings["effects"]
-        if tried is None:
-            return ()
-        others = len({*self.vehicle.kinds} - {*tried})
-        were = "was" if len(tried) == 1 else "were"
-        return (
-            f"only {', '.join(tried)} {were} tried; {others} other effects were "
-            "omitted and cannot be found, and their influence may be attributed to "
-            "those that were tried.",
-        )
+        if tried is not None:
+            others = len({*self.vehicle.kinds} - {*tried})
+            were = "was" if len(tried) == 1 else "were"
+            found.append(
+                f"only {', '.join(tried)} {were} tried; {others} other effects were "
+                "omitted and cannot be found, and their influence may be attributed to "
+                "those that were tried."
+            )
+
+        if unlike is not None and unlike.left.exceeds_chance:
+            found.append(unlike.warning)
+        return tuple(found)
+
+
+def _about_diverged(flights: result.FlightNames) -> str:
+    """Returns the sentence on flights that are in no error; empty without any."""
+    if not flights.diverged:
+        return ""
+    return (
+        f" The errors are without {len(flights.diverged)} of {len(flights.held_out)} "
+        f"held-out flights, on which every model diverges: "
+        f"{', '.join(flights.diverged)}."
+    )
 
 
 def _file_of(rows: ExcludedRows) -> str:

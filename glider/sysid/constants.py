@@ -90,6 +90,7 @@ LEADING = 0.1
 # --------------------------------------------- predictions of held-out flights
 FOLDS = 5  # Parts of the flights, each held out once (c).
 BEGINNING = 0.2  # Share of a flight on which its launch state is fitted (c).
+LARGEST_ERROR = 10.0  # Above which a model, or a replica, says nothing [m] (c).
 WORSE = 1.001  # Ratio of errors above which flights got worse: below is a tie (c).
 
 # ---------------------------------------------------------------- the verdict

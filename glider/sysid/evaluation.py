@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,14 @@ from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import find_floor
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import flown_by
+from glider.sysid.fit.unlike import predict_unlike
 from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table
-from glider.sysid.result import MODELS, PERFECT, Errors, ResidualTable, Spread
+from glider.sysid.result import MODELS, PERFECT, ResidualTable, Spread
 from glider.sysid.search.tracing import SearchResult, forces_alone
 
 
@@ -66,13 +68,14 @@ def evaluate(
 
     before = _table(models.get("nominal", models["refitted"]), records)
     after = _table(models["corrected"], records)
-    errors: dict[str, Errors | None] = dict.fromkeys(MODELS)
     held_out = {name: _table(model, unseen) for name, model in models.items()}
-    for name, table in held_out.items():
-        with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-            equation = prediction.rms(table.residual)
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+        equation = {
+            name: prediction.rms(own.residual) for name, own in held_out.items()
+        }
 
-        errors[name] = prediction.errors_on(unseen, flown[name], equation)
+    found, counts = prediction.errors_on(unseen, flown, equation)
+    counted = list(compress(unseen, counts))
 
     others = {"refitted": baseline}
     if traced.forces is not None:
@@ -87,16 +90,17 @@ def evaluate(
     tests = hold_out(offered, corrected, others, rng)
 
     own = models["corrected"]
-    first = [*unseen, *(r for r in records if r not in unseen)][:MANY_FLIGHTS]
+    first = [*counted, *(r for r in records if r not in counted)][:MANY_FLIGHTS]
     truth = without_model_errors(traced, spreads)
-    floor = find_floor(own, first, truth, searched.noise.smoothing[2].ratio, rng)
+    pitch_ratio = searched.noise.smoothing[2].ratio
+    floor = find_floor(own, first, truth, pitch_ratio, rng)
     noise = prediction.rms(held_out["corrected"].noise)
-    perfect = floor.errors(noise, len(unseen))
-    errors[PERFECT] = perfect
+    perfect = floor.errors(noise, len(counted))
     predict = functools.partial(prediction.predict, own)
-    seen = in_parallel(predict, first[len(unseen) :])
-    squares = map(prediction.mean_squares, first, [*flown["corrected"], *seen])
-    paths = np.sqrt([square[:2] for square in squares])
+    seen = in_parallel(predict, first[len(counted) :])
+    paths = prediction.path_errors(
+        first, [*compress(flown["corrected"], counts), *seen]
+    )
     shown = []
     for i, record in enumerate(unseen):
         rows = prediction.beginning_rows(record.time, own.per_flight_trims)
@@ -110,17 +114,17 @@ def evaluate(
             )
         )
 
-    left = errors["corrected"]
-    assert left is not None
-    along = left.rollout_measured_pitch.position_rms_m
+    depends_on = _variables_of(task, traced.judged)
     return {
-        "errors": errors,
-        "left": result.Residual(
-            position_m=left.position_rms_m,
-            ratio_to_floor=left.position_rms_m / perfect.position_rms_m,
-            ratio_along_pitch=along / perfect.rollout_measured_pitch.position_rms_m,
-            chance=floor.chance(paths),
-            depends_on=_variables_of(task, traced.judged),
+        "flights": result.FlightNames(
+            fit=tuple(record.name for record in task.records),
+            held_out=tuple(record.name for record in unseen),
+            diverged=tuple(own.name for own in unseen if own not in counted),
+        ),
+        "errors": {**dict.fromkeys(MODELS), **found, PERFECT: perfect},
+        "left": floor.residual(found["corrected"], perfect, paths, depends_on),
+        "unlike": predict_unlike(
+            searched.everything, fitted, traced.forces, after, truth, pitch_ratio, rng
         ),
         "held_out": tuple(shown),
         "residual_before": before,

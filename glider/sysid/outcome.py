@@ -32,7 +32,7 @@ from glider.sysid.search.tracing import SearchResult
 SPREAD_KINDS = {kind.kind: kind.varies_by for kind in LIBRARY if kind.varies_by}
 """Kinds that vary from flight to flight, and the scale of their variation."""
 
-_BAND = float(ndtri(0.5 + 0.5 * LEVEL))  # Standard errors from the middle to an end.
+BAND = float(ndtri(0.5 + 0.5 * LEVEL))  # Standard errors from the middle to an end.
 _PER_KILOGRAM = {"m²": "m²/kg", "kg m²": "m²"}  # Units of a glider of 1 kg.
 
 
@@ -168,7 +168,7 @@ def _formula_entry(
     sizes = [own for own in kind.coefficients if not own.is_shape]
     told = [coefficients[own.name] for own in sizes or kind.coefficients]
     words = kind.words
-    if all(abs(size.value) < _BAND * size.std for size in told):
+    if all(abs(size.value) < BAND * size.std for size in told):
         words = f"like {name} ({kind.words}), of a size that may be zero"
         name = result.UNEXPLAINED
 

@@ -175,11 +175,50 @@ class FlightNames:
 
     fit: tuple[str, ...]  #: Used to fit.
     held_out: tuple[str, ...]  #: That errors are measured on.
+    #: Those of the held-out ones on which every model diverges: they are in no error.
+    diverged: tuple[str, ...] = ()
+
+    @property
+    def predicted(self) -> tuple[str, ...]:
+        """The held-out ones that errors are of."""
+        return tuple(name for name in self.held_out if name not in self.diverged)
 
     @property
     def count(self) -> int:
         """Number of all."""
         return len(self.fit) + len(self.held_out)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Difference:
+    """In what some flights differ most from the others."""
+
+    what: str  #: A feature of a variable, as "largest alpha".
+    unit: str
+    value: Number  #: Its median over them.
+    others: Number  #: That over the others.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class UnlikeFlights:
+    """The flights most unlike the others, predicted by models refitted without them."""
+
+    flights: tuple[str, ...]
+    difference: Difference
+    errors: dict[str, Errors | None]  #: As those of `Report`, without accelerations.
+    left: Residual  #: By the corrected model.
+    diverged: tuple[str, ...] = ()  #: More of them, on which every model diverges.
+
+    @property
+    def warning(self) -> str:
+        """What to say where a perfect model would leave less."""
+        times = max(self.left.ratio_to_floor, self.left.ratio_along_pitch)
+        what = f"leaves {times:.3g} times the error of a perfect model"
+        return (
+            f"on the flights most unlike the others, refitted without them, the model "
+            f"{what if math.isfinite(times) else 'diverges'}: it may be used within "
+            "the flown range only."
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -202,6 +241,7 @@ class Report:
     errors: dict[str, Errors | None]  #: By model; None of one that there is not.
     evidence_threshold: Number  #: Evidence of an effect beside others, at least [nats].
     left: Residual
+    unlike: UnlikeFlights | None = None  #: None of too few flights.
     changes: tuple[Change, ...] = ()  #: During the session, found one after the other.
     air: Air
     spreads: dict[str, Spread]  #: Flight-to-flight variations, by name.

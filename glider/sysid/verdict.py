@@ -21,7 +21,13 @@ from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import SERVO_LOG
 from glider.sysid.replay.replayed import signals
-from glider.sysid.result import LIBRARY_SHAPE, Errors, FoundEffect, Residual
+from glider.sysid.result import (
+    LIBRARY_SHAPE,
+    Errors,
+    FlightNames,
+    FoundEffect,
+    Residual,
+)
 from glider.sysid.search.tracing import SearchResult
 
 _AT_CEILING = 0.97  # Share of the largest scale, which a fit only comes near.
@@ -60,6 +66,16 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
         )
 
     return _left_to_chance(task, model) if task.vehicle.knows_forces else None
+
+
+def too_few_fly(flights: FlightNames) -> str | None:
+    """Finds that flights on which every model diverges are no exceptions, or None."""
+    count = len(flights.diverged)
+    if count * constants.PER_OUTLIER <= len(flights.held_out):
+        return None
+    return (
+        f"every model diverges on {count} of {len(flights.held_out)} held-out flights"
+    )
 
 
 def _left_to_chance(task: Task, model: FitResult) -> str | None:

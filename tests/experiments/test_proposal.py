@@ -7,8 +7,8 @@ import pytest
 
 from glider.compiled.flight import fly_tapes
 from glider.errors import InputError
-from glider.experiments.explanations import UNKNOWN, Findings, explain, load_findings
-from glider.experiments.proposal import next_throw, propose, read_task
+from glider.experiments.explanations import UNKNOWN, Findings, load_findings
+from glider.experiments.proposal import next_throw, propose
 from glider.experiments.throw_limits import ThrowLimits
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.model import GliderModel
@@ -51,7 +51,7 @@ def test_still_air_leaves_nothing_to_chance(proposal):
 @pytest.mark.nightly
 def test_the_same_seed_proposes_the_same(late, monkeypatch):
     monkeypatch.setattr("glider.experiments.throw_search._ROUNDS", 1)
-    first, again = (propose(*late, launches=1) for _ in range(2))
+    first, again = (propose(*late, traced=LATE, launches=1) for _ in range(2))
     for one, other in zip(first.throws, again.throws, strict=True):
         assert np.array_equal(one.commands, other.commands)
         assert np.array_equal(one.launch, other.launch)
@@ -76,7 +76,7 @@ def test_proposed_throws_are_safe_where_the_launch_is_missed(late, proposal):
 def test_a_floor_above_the_launch_leaves_no_throw(late, monkeypatch):
     monkeypatch.setattr("glider.experiments.throw_search._ROUNDS", 1)
     with pytest.raises(InputError, match="floor"):
-        propose(*late, launches=1, limits=ThrowLimits(z=[1.0, 2.0]))
+        propose(*late, traced=LATE, launches=1, limits=ThrowLimits(z=[1.0, 2.0]))
 
 
 def test_throws_differ(proposal):
@@ -85,17 +85,17 @@ def test_throws_differ(proposal):
 
 
 def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
-    """A slow servo, known to a thousandth."""
+    """A slow servo, known to a thousandth, that was traced at one speed."""
     monkeypatch.setattr("glider.experiments.throw_search._ROUNDS", 1)
     campaign = fly(typical("servo_lag"), flights=6)
-    findings = Findings(models=(GliderModel(effects=(typical("servo_lag"),)),))
-    campaign, _, task, noise = read_task(campaign, findings)
-    explanations = explain(task, noise, findings)
-    assert [e.model.kinds for e in explanations] == [("servo_lag",)]
-    proposal = propose(campaign, task, noise, explanations, launches=1)
+    traced = GliderModel(effects=(typical("servo_lag"),), flown={"V": (7.0, 7.0)})
+    proposal = next_throw(campaign, Findings(models=(traced,)), launches=1)
+    assert [e.model.kinds for e in proposal.explanations] == [("servo_lag",)]
     assert proposal.chance_now == pytest.approx(1.0 - UNKNOWN)
     assert is_done(proposal)
     assert "What remains differs from throw to throw" in sentences(proposal)[-1]
+    [beyond] = proposal.beyond
+    assert beyond.startswith("V from ") and beyond.endswith("(flown: 7 to 7)")
 
 
 def test_what_cannot_be_proposed_for_is_reported():

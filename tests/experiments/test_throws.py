@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glider.experiments.throw_limits import ThrowLimits
-from glider.experiments.throws import GENES, Range, throw_of
+from glider.experiments.throws import GENES, Range, departures_of, throw_of
+from glider.physics.model import GliderModel
 from glider.physics.servo import Servo
 from glider.physics.state import STATE_NAMES
 
@@ -45,3 +46,20 @@ def test_any_genes_make_a_throw_within_the_limits(genes):
     assert LIMITS.elevator[0] < angle.min()
     assert angle.max() < LIMITS.elevator[1]
     assert np.allclose(np.diff(throw.times), 0.02)
+
+
+def test_a_throw_beyond_the_flown_range_is_described():
+    """As it is flown: a model that has not been traced knows no range."""
+    throw = throw_of(np.full(GENES, 0.5), PLACE)
+    model = GliderModel(flown={"V": (7.0, 7.0), "elevator": (-0.5, 1.0)})
+    said = departures_of(model, throw, PLACE)
+    assert said.startswith("V from ") and said.endswith("m/s (flown: 7 to 7)")
+    wide = GliderModel(flown={"V": (0.0, 9.0), "elevator_rate": (-13.0, 13.0)})
+    assert departures_of(wide, throw, PLACE) == ""
+    assert departures_of(GliderModel(), throw, PLACE) == ""
+
+
+def test_all_of_a_throw_counts_and_nothing_after_it():
+    throw = throw_of(np.full(GENES, 0.5), PLACE)
+    said = departures_of(GliderModel(flown={"t": (0.0, 0.4)}), throw, PLACE)
+    assert said == "t from 0 to 0.85 s (flown: 0 to 0.4)"

@@ -60,7 +60,7 @@ def errors_of(model: RolloutModel, records: Sequence[Record]) -> Errors:
     flown = [predict(model, record) for record in records]
     trims = [own.trim for own in flown]
     table = make_table(records, model.theta, trims, model.gaussians)
-    return errors_on(records, flown, rms(table.residual))
+    return errors_on(records, {"": flown}, {"": rms(table.residual)})[0][""]
 
 
 def task_of(

@@ -52,4 +52,4 @@ def late_proposal() -> Proposal:
     """Returns two throws that are proposed for them, after half a search."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(throw_search, "_ROUNDS", throw_search._ROUNDS // 2)
-        return propose(*late_posterior(), launches=2)
+        return propose(*late_posterior(), traced=LATE, launches=2)

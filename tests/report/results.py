@@ -15,6 +15,7 @@ from glider.sysid.result import (
     OTHER_SHAPE,
     PERFECT,
     Air,
+    Difference,
     EquationErrors,
     Errors,
     Estimate,
@@ -28,6 +29,7 @@ from glider.sysid.result import (
     Result,
     RolloutErrors,
     Spread,
+    UnlikeFlights,
 )
 
 WIND = FoundEffect(
@@ -124,6 +126,27 @@ def make_table(slope, rng):
     )
 
 
+def make_unlike(scale, **changes):
+    """Returns the errors on two faster flights, times the scale of the corrected."""
+    errors = {
+        "nominal": make_errors(1.2),
+        "refitted": make_errors(0.7),
+        "corrected": make_errors(scale),
+        PERFECT: PERFECT_ERRORS,
+    }
+    position = errors["corrected"].position_rms_m
+    ratio = position / PERFECT_ERRORS.position_rms_m
+    unlike = UnlikeFlights(
+        flights=("flight_001.csv", "flight_104.csv"),
+        difference=Difference(what="V at launch", unit="m/s", value=8.12, others=6.9),
+        errors=errors,
+        left=Residual(
+            position_m=position, ratio_to_floor=ratio, chance=0.5, depends_on=()
+        ),
+    )
+    return dataclasses.replace(unlike, **changes)
+
+
 def make_result(**changes):
     """Returns what closing the loop on a windy campaign may give."""
     rng = np.random.default_rng(0)
@@ -150,6 +173,7 @@ def make_result(**changes):
             chance=1e-4,
             depends_on=("alpha",),
         ),
+        unlike=make_unlike(0.0015),
         spreads={
             "elevator_trim": Spread(
                 std=0.0203,
@@ -207,6 +231,12 @@ def diverged():
             ),
         ),
         left=Residual(position_m=math.nan, ratio_to_floor=math.inf, depends_on=()),
+        unlike=make_unlike(
+            math.inf,
+            flights=("flight_001.csv",),
+            left=Residual(position_m=math.inf, ratio_to_floor=math.nan, depends_on=()),
+            diverged=("flight_104.csv",),
+        ),
         air=Air(std_m_s=math.nan, correlation_s=math.inf),
         spreads={
             "wind": Spread(
@@ -231,6 +261,8 @@ VARIANTS = {
     "partly explained": make_result(
         verdict="partly_explained",
         effects=(dataclasses.replace(WIND, shape=OTHER_SHAPE),),
+        unlike=make_unlike(0.02),
+        warnings=(make_unlike(0.02).warning,),
     ),
     "not trusted": make_result(
         verdict="not_trusted",
@@ -249,6 +281,7 @@ VARIANTS = {
         warnings=(),
         set_aside=(),
         held_out=(),
+        unlike=None,
     ),
     "unknown vehicle": make_result(
         errors={

@@ -80,3 +80,14 @@ def test_what_is_barely_probable_is_not_named_but_counted():
     assert said[0].startswith("The flights leave one explanation, ")
     assert said[0].endswith("(0.97); the probability of another is 0.03.")
     assert not any("With" in sentence for sentence in said)
+
+
+def test_throws_beyond_what_was_flown_are_named():
+    alpha = "alpha from -0.1 to 0.9 rad (flown: -0.1 to 0.5)"
+    proposal = dataclasses.replace(late_proposal(), beyond=("", alpha))
+    [said] = [own for own in sentences(proposal) if "traced on" in own]
+    assert said.startswith(f"Throw 2 ({alpha}) leaves what the model was traced on")
+    assert [own["beyond_flown"] for own in to_json(proposal)["throws"]] == ["", alpha]
+    both = dataclasses.replace(proposal, beyond=(alpha, alpha))
+    assert f"Throw 1 ({alpha}) and throw 2 ({alpha}) leave" in " ".join(sentences(both))
+    assert not any("traced on" in own for own in sentences(late_proposal()))

@@ -9,12 +9,15 @@ from glider.campaign.logs import split_flights
 from glider.errors import InputError
 from glider.physics.effects import KINDS
 from glider.progress import Step
+from glider.report.wording import say
 from glider.sysid.constants import UNLIKELY
+from glider.sysid.fit import prediction
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import PERFECT
 from tests.campaign.checks.breaking import change, scale
 from tests.helpers.campaigns import campaign_path, first_flights
 from tests.helpers.tasks import fly
+from tests.helpers.unlike import shallow_and_deep
 
 
 def kinds_of(result):
@@ -82,6 +85,30 @@ def test_what_is_left_is_no_more_than_noise(few):
     lacks = few.residual_before.residual[:, 1]
     left = few.residual_after.residual[:, 1]
     assert np.std(left) < 0.2 * np.std(lacks)
+
+
+def test_flights_unlike_the_others_are_predicted_without_them(few):
+    assert set(few.unlike.flights) < {*few.flights.fit, *few.flights.held_out}
+    assert set(few.unlike.errors) == set(few.errors)
+    nominal, floor = few.unlike.errors["nominal"], few.unlike.errors[PERFECT]
+    assert few.unlike.left.position_m < 0.1 * nominal.position_rms_m
+    assert few.unlike.left.position_m < 2.0 * floor.position_rms_m
+    assert not (few.unlike.left.exceeds_chance or few.warnings)
+
+
+@pytest.mark.nightly
+def test_a_model_that_is_good_on_random_flights_only_warns():
+    """A stall that three of 15 flights reach, of which a fit without them knows nought.
+
+    The warning is in the report and in the model's file.
+    """
+    result = close_the_loop(shallow_and_deep(12, 3))
+    assert result.verdict == "effect_found" and result.left.may_be_chance
+    assert result.left.position_m < 0.003
+    assert len(result.unlike.flights) == 3
+    assert result.unlike.left.position_m > 4.0 * result.left.position_m
+    assert result.warnings == (result.unlike.warning,)
+    assert result.unlike.warning in say("model_warnings", result)
 
 
 def test_the_model_file_holds_the_effect(few):
@@ -185,6 +212,33 @@ def test_a_held_out_flight_without_elevator_at_first_changes_no_error_to_nan(dra
     for model, errors in result.errors.items():
         groups = dataclasses.astuple(errors)[: 3 if model == PERFECT else 4]
         assert np.isfinite(np.concatenate(groups)).all(), model
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.nightly)])
+def test_a_flight_that_no_model_flies_is_in_no_error_and_is_named(monkeypatch, count):
+    """One of six held-out flights may be such an exception; two are none."""
+    campaign = fly(KINDS["profile_drag"](cd0=0.05), flights=20)
+    _, unseen = split_flights(campaign, 0.3, 0)
+    names = tuple(flight.name for flight in unseen[:count])
+    own = prediction.predict
+
+    def diverge(model, record):
+        flown = own(model, record)
+        if record.name not in names:
+            return flown
+        return dataclasses.replace(flown, pose=flown.pose * np.inf)
+
+    monkeypatch.setattr(prediction, "predict", diverge)
+    result = close_the_loop(campaign, effects=["profile_drag"])
+    assert result.flights.diverged == names
+    assert set(result.flights.held_out) == {flight.name for flight in unseen}
+    assert result.flights.predicted == result.flights.held_out[count:]
+    for errors in result.errors.values():
+        assert errors.position_rms_m < 1.0
+    assert f"without {count} of 6 held-out flights, on which every" in result.reason
+    assert all(name in result.reason for name in names)
+    assert (result.verdict == "not_trusted") == (count == 2)
 
 
 @pytest.mark.nightly

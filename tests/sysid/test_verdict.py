@@ -14,12 +14,13 @@ from glider.sysid.result import (
     VERDICTS,
     EquationErrors,
     Errors,
+    FlightNames,
     FoundEffect,
     PathErrors,
     Residual,
     RolloutErrors,
 )
-from glider.sysid.verdict import _changes_baseline_alone, judge
+from glider.sysid.verdict import _changes_baseline_alone, judge, too_few_fly
 
 RIGHT = Signs()
 
@@ -131,6 +132,14 @@ def test_a_model_that_diverges_shows_nothing():
     word, reason = verdict(left_m=math.nan)
     assert word == "not_trusted"
     assert "diverges" in reason
+
+
+@pytest.mark.parametrize(("count", "words"), [(0, None), (1, None), (2, "on 2 of 9")])
+def test_few_flights_on_which_every_model_diverges_are_exceptions(count, words):
+    """One of five at most."""
+    names = tuple(f"flight_{i}.csv" for i in range(9))
+    doubt = too_few_fly(FlightNames(fit=(), held_out=names, diverged=names[:count]))
+    assert doubt is None if words is None else words in doubt
 
 
 def test_effects_that_hold_are_found():

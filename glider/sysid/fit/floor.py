@@ -15,6 +15,7 @@ from glider.campaign.smoothing import smoothing_maps
 from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.parallel import in_parallel
 from glider.physics.state import NUM_STATES
+from glider.sysid.constants import LARGEST_ERROR
 from glider.sysid.fit.prediction import (
     RolloutModel,
     beginning_rows,
@@ -26,13 +27,12 @@ from glider.sysid.likelihood.filtering import start_variances
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.replay.record import Record
-from glider.sysid.result import EquationErrors, Errors
+from glider.sysid.result import EquationErrors, Errors, Residual
 
 _REPLICAS = 100  # Of a flight.
 # Relative error of the RMS over them: a square of two coordinates scatters by as much
 # as its mean; half of that remains in the root.
 _ACCURACY = 0.5 / _REPLICAS**0.5
-_LARGEST = 10.0  # Error above which a replica or a model says nothing [m].
 _GROWTH = 1.0 / np.sqrt(np.finfo(float).eps)
 """Growth of deviations along a flight, in any units, up to which it can be predicted:
 beyond, normal equations, where it is squared, keep no digit of a launch."""
@@ -51,7 +51,7 @@ class Floor:
     def _is_known(self) -> np.ndarray:
         """(F,) whether flights are linear enough; some pass a model's validity."""
         means = self.squares.mean(axis=2)[:, :2]
-        return np.all(means < _LARGEST**2, axis=1)
+        return np.all(means < LARGEST_ERROR**2, axis=1)
 
     def errors(self, equation: EquationErrors, flights: int) -> Errors:
         """Errors on the first flights, those of accelerations given."""
@@ -59,6 +59,23 @@ class Floor:
         if not len(known):
             return errors_from(np.full((1, 4, 1), np.nan), np.ones(1), equation)
         return errors_from(self.squares[known], self.rows[known], equation)
+
+    def residual(
+        self,
+        left: Errors,
+        perfect: Errors,
+        paths: np.ndarray,
+        depends_on: tuple[str, ...] = (),
+    ) -> Residual:
+        """What a model leaves beside what a perfect one does; paths as of `chance`."""
+        along, floor = (own.rollout_measured_pitch for own in (left, perfect))
+        return Residual(
+            position_m=left.position_rms_m,
+            ratio_to_floor=left.position_rms_m / perfect.position_rms_m,
+            ratio_along_pitch=along.position_rms_m / floor.position_rms_m,
+            chance=self.chance(paths),
+            depends_on=depends_on,
+        )
 
     def chance(self, paths: np.ndarray) -> float:
         """Probability that a perfect model leaves as much, of paths (F, 2).
@@ -70,8 +87,8 @@ class Floor:
         if not known.any():
             return np.nan
         drawn = 0.5 * np.log(self.squares[known, :2])
-        errors = np.nan_to_num(paths[known], nan=_LARGEST, posinf=_LARGEST)
-        errors = np.log(np.clip(errors, 1e-9, _LARGEST))
+        errors = np.nan_to_num(paths[known], nan=LARGEST_ERROR, posinf=LARGEST_ERROR)
+        errors = np.log(np.clip(errors, 1e-9, LARGEST_ERROR))
         apart = near_median(errors - drawn.mean(axis=2))
         error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
         z = apart.mean(axis=0) / np.hypot(error, _ACCURACY)

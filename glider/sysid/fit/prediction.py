@@ -6,7 +6,7 @@ elevator of the whole flight; then the model flies on alone to the end.
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import leastsq
@@ -16,7 +16,7 @@ from glider.compiled.filter_error import ELEVATOR, PROCESSES
 from glider.compiled.replay import OFFSET, LogPath, roll_out
 from glider.physics.effects import Gaussians
 from glider.physics.state import NUM_STATES
-from glider.sysid.constants import BEGINNING, Z
+from glider.sysid.constants import BEGINNING, LARGEST_ERROR, Z
 from glider.sysid.likelihood.filtering import negative_log_likelihood, smooth
 from glider.sysid.likelihood.linear_flight import (
     STILL_AIR,
@@ -182,13 +182,35 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
 
 
 def errors_on(
-    records: Sequence[Record], flown: Sequence[Prediction], equation: EquationErrors
-) -> Errors:
-    """Returns the errors of a model on flights, those of accelerations given."""
+    records: Sequence[Record],
+    flown: Mapping[str, Sequence[Prediction]],
+    equation: Mapping[str, EquationErrors],
+) -> tuple[dict[str, Errors], np.ndarray]:
+    """Returns the errors of models on flights, and which of these count, (F,).
+
+    A flight on which every model diverges compares none with another: it counts only if
+    all are. Errors of accelerations are given.
+    """
     rows = np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        squares = np.array([*map(mean_squares, records, flown)])
-        return errors_from(squares[..., None], rows, equation)
+        squares = {
+            name: np.array([*map(mean_squares, records, own)])
+            for name, own in flown.items()
+        }
+        near = [own[:, 0] < LARGEST_ERROR**2 for own in squares.values()]
+        counts = np.any(near, axis=0)
+        counts |= not counts.any()
+        return {
+            name: errors_from(own[counts, :, None], rows[counts], equation[name])
+            for name, own in squares.items()
+        }, counts
+
+
+def path_errors(records: Iterable[Record], flown: Iterable[Prediction]) -> np.ndarray:
+    """Returns the position RMS of flights, free and along the pitch, (F, 2) [m]."""
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+        squares = map(mean_squares, records, flown)
+        return np.sqrt([own[:2] for own in squares])
 
 
 def rms(accelerations: np.ndarray) -> EquationErrors:

@@ -293,6 +293,25 @@ def _with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
     return dataclasses.replace(fitted, free=model.free)
 
 
+def refitted(task: Task, model: FitResult, forces: FitResult | None) -> FitResult:
+    """Returns a model with its coefficients fitted to other flights, all noise kept.
+
+    `forces` is that of the `SearchResult`: first the forces are fitted, if they are
+    unknown, and then the moment.
+    """
+    if not (model.free or model.functions):
+        return model
+    if forces is None:
+        return fit_model(task, model, free_scales=())
+    found = fit_model(task, forces_alone(task, model, forces), free_scales=())
+    free = tuple(i for i in model.free if i not in found.free)
+    start = dataclasses.replace(
+        found, free=free, scales=model.scales, has_force_errors=False
+    )
+    fitted = fit_model(task, start, free_scales=())
+    return dataclasses.replace(fitted, free=model.free)
+
+
 def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
     """Returns a model of which only the forces will be fitted, to other flights."""
     kept = _slots_of_moment(task)

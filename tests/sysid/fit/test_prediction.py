@@ -12,9 +12,11 @@ from glider.sysid.fit import prediction
 from glider.sysid.fit.prediction import (
     RolloutModel,
     beginning_rows,
+    errors_on,
     find_launch,
     flown_by,
     predict,
+    rms,
 )
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.log_space import vector_of
@@ -154,6 +156,35 @@ def test_a_flight_that_diverges_leaves_the_scales_to_the_others(windy):
     others = model.on(rest).scales
     assert others.position < 0.5 * start.position
     assert model.on([wild, *rest]).scales == others
+
+
+def far(flown, times):
+    return dataclasses.replace(flown, pose=flown.pose * times)
+
+
+@pytest.mark.parametrize("times", [np.inf, np.nan, 1e200, 1e4])
+def test_a_flight_on_which_every_model_diverges_counts_for_none(windy, times):
+    """One that some model flies does: there the others are no good."""
+    task, model = windy
+    good = [predict(model, record) for record in task.records]
+    one, two = good.copy(), good.copy()
+    one[2] = two[2] = far(good[2], times)
+    two[1] = far(good[1], times)
+    equation = dict.fromkeys(("one", "two"), rms(np.zeros((1, 3))))
+    found, counts = errors_on(task.records, {"one": one, "two": two}, equation)
+    assert counts.tolist() == [True, True, False, True]
+    rest = [task.records[i] for i in (0, 1, 3)]
+    alone, _ = errors_on(rest, {"one": [good[i] for i in (0, 1, 3)]}, equation)
+    assert found["one"] == alone["one"]
+    assert not found["two"].position_rms_m < 1e3
+
+
+def test_where_every_model_diverges_everywhere_the_errors_say_so(windy):
+    task, model = windy
+    flown = [far(predict(model, record), np.inf) for record in task.records]
+    equation = {"one": rms(np.zeros((1, 3)))}
+    found, counts = errors_on(task.records, {"one": flown}, equation)
+    assert counts.all() and not np.isfinite(found["one"].position_rms_m)
 
 
 def test_a_flights_own_trim_is_found_on_its_beginning(windy):

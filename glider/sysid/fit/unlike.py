@@ -1,0 +1,125 @@
+"""The flights most unlike the others, predicted by models refitted without them.
+
+Flights that are held out at random are like those of the fit, but who plans with a
+model flies others. What it is worth there shows where the farthest are left out.
+"""
+
+import functools
+import math
+from collections.abc import Callable, Mapping
+from itertools import compress, product
+
+import numpy as np
+
+from glider.compiled.parallel import in_parallel
+from glider.physics.effects.free_functions import FLOW_UNITS
+from glider.sysid.constants import FOLDS, MANY_FLIGHTS
+from glider.sysid.fit.floor import find_floor
+from glider.sysid.fit.prediction import errors_on, flown_by, path_errors, predict
+from glider.sysid.likelihood.scales import Scales
+from glider.sysid.likelihood.task import FitResult, Task
+from glider.sysid.result import (
+    PERFECT,
+    Difference,
+    EquationErrors,
+    ResidualTable,
+    UnlikeFlights,
+)
+from glider.sysid.search.tracing import refitted
+
+_FEATURES: dict[str, Callable[[np.ndarray], float]] = {
+    "{} at launch": lambda values: values[0],
+    "least {}": np.min,
+    "median {}": np.median,
+    "largest {}": np.max,
+}
+"""What of a variable along a flight is compared, by its words."""
+
+
+def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
+    """Finds which of at least three flights (F,) are unlike the others, and in what.
+
+    Features are compared over the deviation of their variable along all flights, on the
+    axis of them that flights differ most on. A FOLDS part of the flights, or half to
+    twice as many, is at one end of it: where the gap to the others is the widest.
+    """
+    count = len(table.names)
+    ends = np.flatnonzero(np.diff(table.flight)) + 1
+    columns = []
+    spreads = []
+    compared = list(product(FLOW_UNITS, _FEATURES.items()))
+    for variable, (_, feature) in compared:
+        values = table.variables[variable]
+        columns.append([feature(own) for own in np.split(values, ends)])
+        spreads.append(max(np.std(values), 1e-12))  # A fixed elevator has none.
+
+    features = np.array(columns).T / spreads
+    *_, axes = np.linalg.svd(features - features.mean(axis=0), full_matrices=False)
+    along = features @ axes[0]
+    order = np.argsort(along)
+    gaps = np.diff(along[order])
+    part = count / FOLDS
+    sizes = np.arange(max(1, round(0.5 * part)), min(round(2.0 * part), count - 2) + 1)
+    first, last = gaps[sizes - 1], gaps[-sizes]
+    size = sizes[np.argmax(np.maximum(first, last))]
+    is_unlike = np.zeros(count, bool)
+    is_unlike[order[:size] if first.max() > last.max() else order[-size:]] = True
+
+    here, others = (np.median(features[own], axis=0) for own in (is_unlike, ~is_unlike))
+    most = np.argmax(np.abs(here - others))
+    variable, (words, _) = compared[most]
+    return is_unlike, Difference(
+        what=words.format(variable),
+        unit=FLOW_UNITS[variable],
+        value=float(spreads[most] * here[most]),
+        others=float(spreads[most] * others[most]),
+    )
+
+
+def predict_unlike(
+    task: Task,
+    models: Mapping[str, FitResult],
+    forces: FitResult | None,
+    table: ResidualTable,
+    truth: Scales,
+    pitch_ratio: float,
+    rng: np.random.Generator,
+) -> UnlikeFlights | None:
+    """Predicts the most unlike of a task's flights; None where there are too few.
+
+    Args:
+        task: of all flights.
+        models: by name, "corrected" among them; coefficients are refitted.
+        forces: the model of forces, where these are unknown.
+        table: of all flights in the same order.
+        truth: what happens in flights of a perfect model, see `find_floor`.
+        pitch_ratio: of the smoothing of a pitch.
+        rng: draws these.
+    """
+    if len(task.records) < 3:
+        return None
+    is_unlike, difference = find_unlike(table)
+    unlike = list(compress(task.records, is_unlike))
+    others = task.on(list(compress(task.records, ~is_unlike)))
+    scales = models["corrected"].scales
+    again = {name: refitted(others, own, forces) for name, own in models.items()}
+    flying = {name: flown_by(others, own, scales) for name, own in again.items()}
+    flown = {
+        name: in_parallel(functools.partial(predict, own), unlike)
+        for name, own in flying.items()
+    }
+
+    nothing = EquationErrors(math.nan, math.nan, math.nan)
+    found, counts = errors_on(unlike, flown, dict.fromkeys(flown, nothing))
+    counted = list(compress(unlike, counts))
+    few = counted[:MANY_FLIGHTS]
+    floor = find_floor(flying["corrected"], few, truth, pitch_ratio, rng)
+    perfect = floor.errors(nothing, len(few))
+    paths = path_errors(few, compress(flown["corrected"], counts))
+    return UnlikeFlights(
+        flights=tuple(record.name for record in counted),
+        difference=difference,
+        errors={**found, PERFECT: perfect},
+        left=floor.residual(found["corrected"], perfect, paths),
+        diverged=tuple(record.name for record in unlike if record not in counted),
+    )
