@@ -20,12 +20,15 @@ from glider.progress import Progress, Step, silent
 if TYPE_CHECKING:
     from glider.sysid.result import Result
 
+HELD_OUT = 0.3
+"""Share of the flights that errors are measured on, unless another is asked for."""
+
 
 def close_the_loop(
     campaign: Path | str | Campaign,
     *,
     flights: Sequence[str] | None = None,
-    held_out: float = 0.3,
+    held_out: float = HELD_OUT,
     seed: int = 0,
     effects: Sequence[str] | None = None,
     own_effects: Sequence[EffectKind] = (),
