@@ -9,12 +9,13 @@ Findings: what an analysis leaves open; findings_of and load_findings make it of
 result and of a report's folder. next_throw: a Proposal. sentences, draw_proposal,
 write_proposal: the proposal in words, as a picture, as files that a flight computer can
 play. ThrowLimits, load_limits: what throws keep to. fly_throw: one, simulated and
-logged as a Flight.
+logged as a Flight. rehearse: which effects the flights of a campaign would show.
 """
 
 from glider.campaign.logs import Flight
 from glider.experiments.explanations import Findings, findings_of, load_findings
 from glider.experiments.proposal import Proposal, next_throw
+from glider.experiments.rehearsal import rehearse
 from glider.experiments.throw_limits import ThrowLimits, load_limits
 from glider.experiments.throws import fly_throw
 from glider.report.next_throw import draw_proposal, sentences, write_proposal
