@@ -179,7 +179,8 @@ class Analysis:
             flights=result.FlightNames(fitted, flown),
             knows_forces=self.vehicle.knows_forces,
             verdict=verdict,
-            reason=reason + self._about_outlying(found.outlying),
+            reason=" ".join([*map(_first_sentence, servo), reason])
+            + self._about_outlying(found.outlying),
             effects=effects,
             **evaluated,
             changes=() if change is None else (change,),
@@ -286,6 +287,10 @@ class Analysis:
             "omitted and cannot be found, and their influence may be attributed to "
             "those that were tried.",
         )
+
+
+def _first_sentence(text: str) -> str:
+    return text.partition(". ")[0].rstrip(".") + "."
 
 
 def _file_of(rows: ExcludedRows) -> str:

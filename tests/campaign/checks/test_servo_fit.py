@@ -19,6 +19,7 @@ from glider.campaign.checks.servo_forms import with_loads
 from glider.compiled.actuators import elevator_path
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import Servo
+from glider.sysid.pipeline import close_the_loop
 from tests.helpers.tasks import fly
 
 NOISE = 0.004  # Of the measured angle [rad].
@@ -298,3 +299,11 @@ def test_angles_that_were_not_measured_show_no_servo(campaign):
     for log in ({"angle": "reconstructed"}, {"command": "reconstructed"}):
         told = dataclasses.replace(own, servo=dataclasses.replace(own.servo, **log))
         assert identify_servo(told, {}) == (told, ())
+
+
+def test_a_verdict_tells_first_of_a_servo_that_differs(campaign):
+    low, high = campaign.elevator_limits
+    told = dataclasses.replace(campaign, elevator_limits=(low, 0.5 * high))
+    result = close_the_loop(told, effects=["profile_drag"])
+    [words] = [words for words in result.log_findings if "The servo" in words]
+    assert result.reason.startswith(words)
