@@ -80,12 +80,15 @@ def identify_servo(
             return campaign, told
     elif plain.explains and not words:  # A delay and a lag are effects to be traced.
         return campaign, ()
-    # A few flights may be odd: the others are left as they are.
     places = range(len(elevators))
-    odd = [place for place in places if not plain.on([place]).explains]
-    others = [place for place in places if place not in odd]
-    if odd and others and plain.on(others).explains:
+    if words and found.servo == found.servo.even:  # Other commands reach it in some.
+        odd = [place for place in places if _has_other_commands(plain, found, place)]
         plain, found = plain.on(odd), found.on(odd)
+    elif not words:  # A few flights may be odd: the others are left as they are.
+        odd = [place for place in places if not plain.on([place]).explains]
+        others = [place for place in places if place not in odd]
+        if odd and others and plain.on(others).explains:
+            plain, found = plain.on(odd), found.on(odd)
     changed, sentence = _with_departures(campaign, plain, found, words)
     return changed, (*told, sentence)
 
@@ -142,6 +145,11 @@ def _better(before: Fit, others: Sequence[Fit]) -> Fit:
     most = max(_MOSTLY * before.departures.evidence, LEAST_EVIDENCE)
     gain = best.likelihood - before.likelihood
     return best if gain > LEAST_EVIDENCE and best.departures.evidence < most else before
+
+
+def _has_other_commands(plain: Fit, found: Fit, place: int) -> bool:
+    logged = plain.elevators[place].tape
+    return not np.array_equal(logged.commands, found.elevators[place].tape.commands)
 
 
 def _describe(fit: Fit, value: float) -> str:

@@ -264,10 +264,11 @@ def find_step(plain: Fit, clock_std: float) -> tuple[Fit, float]:
     apart = 0.1 / usual
     inverse = np.arange(1.0 / largest, 1.0 / least_step(plain), apart)
     count = len(inverse)
-    for _ in range(2):
+    for _ in range(3):
         best = inverse[np.argmax([likelihood(value) for value in inverse])]
         inverse = best + apart * np.linspace(-0.5, 0.5, _FINER)
-    cost = math.log(count * _FINER)
+        apart *= 2.0 / (_FINER - 1)
+    cost = math.log(count * _FINER**2)
     return fit_servo(behind(1.0 / best), plain.servo, clock_std, cost=cost), 1.0 / best
 
 

@@ -190,9 +190,15 @@ def test_what_makes_a_servo_uneven_is_named(campaign, path, words, number, error
     assert float(value) == pytest.approx(number, abs=error)
     for flight, angle in zip(found.flights, true, strict=True):
         departure = flight.departure
-        assert departure is None or departure.is_named
-        assert departure is None or departure.std < NOISE
-        assert len(angle) == len(flight.time)
+        assert departure.is_named
+        assert departure.std < NOISE
+        if "turning" in words:  # From a servo of a mean lag, which is yet to be traced.
+            continue
+        tape = command_tape(flight, masks_of(flight, {}), campaign.switch_rate)
+        lag = 0.02 if "at most" in words else 0.0
+        given = tape.switches, tape.commands, flight.time, LIMITS
+        path = elevator_path(*given, start=departure.rest, time_constant=lag)
+        assert np.std(path + departure.angle - angle) < 3.0 * departure.std
 
 
 @pytest.mark.parametrize("number", ["lag_by_load", "rate_by_load"])
