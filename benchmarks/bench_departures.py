@@ -3,8 +3,8 @@
 Elevators of commands that lost or rounded some of them, of a servo that lags one way,
 and of one with play are measured with noise. For each order of the smoothing and each
 noise: the error of the smoothed departure, and its ratio to the standard error that a
-Gaussian process of this order has. `servo_fit` takes the order of the least errors, and
-the largest of its ratios.
+Gaussian process of this order has. `servo_forms` takes the order of the least errors,
+and `servo_fit` the largest of its ratios.
 
     python -m benchmarks.bench_departures
 """

@@ -58,6 +58,7 @@ class Departure(NamedTuple):
     angle: np.ndarray  #: (n,) at the rows [rad].
     rest: float  #: Where the elevator stood before the first command [rad].
     std: float  #: Its standard error [rad].
+    is_named: bool = False  #: Whether a form of the servo is known that explains it.
 
 
 CLOCK_STD = 1e-3

@@ -29,6 +29,7 @@ class Smoothing:
     noise: float  #: Standard deviation of the measurement [unit of the channel].
     ratio: float  #: Power of the derivative over noise² [1/s⁵ of a third one].
     evidence: float  #: Log-likelihood gained over noise about polynomials [nats].
+    log_likelihood: float  #: Of the samples, but for a constant [nats].
 
 
 def estimate_noise(
@@ -76,6 +77,7 @@ def _restricted_likelihood(eigenvalues: np.ndarray, z: np.ndarray) -> Smoothing:
         noise=float(np.sqrt(np.mean(z * z / scale))),
         ratio=ratio,
         evidence=0.5 * float(of_noise - result.fun),
+        log_likelihood=-0.5 * float(result.fun),
     )
 
 

@@ -93,8 +93,60 @@ def held_path(begins, commands, query, servo, lag, start, path):
                 path[j] -= lag * rate
 
 
+def uneven_path(begins, commands, query, servo, form, time, load, start, path):
+    """Turns an elevator along held commands behind a servo that is not even.
+
+    Exact but for loads and limits, which it keeps for a step of at most 1 ms.
+
+    Args:
+        begins: (k,) when each command begins to act [s], increasing.
+        commands: (k,) [rad/s].
+        query: (m,) times, increasing [s].
+        servo: its limits.
+        form: lags of turning up and down [s], what a load adds to both [s], the share
+            that it takes from the rate limit, the play [rad], and the largest rate at
+            which the elevator comes after the servo [rad/s].
+        time: (n,) of the loads [s], increasing.
+        load: (n,) in the unit that the form counts them in.
+        start: the elevator's angle before the first command [rad], within the travel.
+        path: (m,) the elevator's angles [rad], written.
+    """
+    up, down, lag_by_load, rate_by_load, play, slew = form
+    now = begins[0]
+    angle = start
+    behind = start
+    shown = start
+    k = 0
+    i = 0
+    for j in range(query.shape[0]):
+        while now < query[j]:
+            until = min(now + 0.001, query[j])
+            if k + 1 < begins.shape[0]:
+                until = min(until, begins[k + 1])
+            while i + 1 < time.shape[0] and time[i + 1] <= now:
+                i += 1
+            most = servo.rate * max(1.0 - rate_by_load * load[i], 0.0)
+            rate = limited_rate(min(max(commands[k], -most), most), angle, servo)
+            lag = (up if angle > behind else down) + lag_by_load * load[i]
+            step = until - now
+            steady = rate * lag
+            gap = angle - behind
+            angle += rate * step
+            if lag > 1e-9:
+                gap = gap + rate * step - steady - (gap - steady) * np.exp(-step / lag)
+            else:
+                gap += rate * step
+            behind += min(max(gap, -slew * step), slew * step)
+            shown = min(max(shown, behind - 0.5 * play), behind + 0.5 * play)
+            now = until
+            if k + 1 < begins.shape[0] and now >= begins[k + 1]:
+                k += 1
+        path[j] = shown
+
+
 LOOPS = Family(
-    (slope_of_actuators, actuator_path, held_path), (actuator_path, held_path)
+    (slope_of_actuators, actuator_path, held_path, uneven_path),
+    (actuator_path, held_path, uneven_path),
 )
 
 _SHORTEST = 1e-9

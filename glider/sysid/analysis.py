@@ -177,7 +177,7 @@ class Analysis:
             path=campaign.path,
             knows_forces=self.vehicle.knows_forces,
             verdict=verdict,
-            reason=reason
+            reason=" ".join([*map(_first_sentence, servo), reason])
             + self._about_outlying(found.outlying)
             + _about_diverged(flights),
             effects=effects,
@@ -301,6 +301,10 @@ def _about_diverged(flights: result.FlightNames) -> str:
         f"held-out flights, on which every model diverges: "
         f"{', '.join(flights.diverged)}."
     )
+
+
+def _first_sentence(text: str) -> str:
+    return text.partition(". ")[0].rstrip(".") + "."
 
 
 def _file_of(rows: ExcludedRows) -> str:

@@ -111,10 +111,12 @@ def _elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
 
     The median over flights of regressions of travel on travel, where the elevator has
     turned one way for as long before: what a play loses at a reversal counts not. It is
-    1 and infinity where there is no servo.
+    1 and infinity where there is no servo, or another than the model's is known.
     """
     found = []
-    for record in (record for record in task.records if record.has_servo):
+    for record in task.records:
+        if not record.has_servo or record.departure_is_named:
+            continue
         rows = np.flatnonzero(record.seen[:, 3])
         if len(rows) < 2:
             continue

@@ -75,6 +75,14 @@ def test_a_play_of_the_servo_is_no_wrong_unit(campaign, fitted, share):
     assert gain == pytest.approx(share, abs=0.02)
 
 
+def test_a_servo_whose_form_is_known_has_no_gain(campaign, fitted):
+    _, model = fitted
+    servo = b.with_servo(lambda f: 0.9 * f.elevator)
+    theirs, _ = task_of(b.change(campaign, servo))
+    known = [dataclasses.replace(r, departure_is_named=True) for r in theirs.records]
+    assert _elevator_gain(theirs.on(known), model) == (1.0, np.inf)
+
+
 def test_without_a_servo_there_is_no_gain(fitted):
     task, model = fitted
     bare = task.on([dataclasses.replace(r, has_servo=False) for r in task.records])

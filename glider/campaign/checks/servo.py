@@ -22,7 +22,7 @@ from scipy.optimize import brute
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.rates import claim_scale
 from glider.campaign.logs import Campaign, Flight
-from glider.compiled.actuators import elevator_path
+from glider.compiled.actuators import LOOPS, elevator_path
 from glider.errors import InputError
 from glider.physics.held_commands import command_steps
 from glider.physics.servo import NO_LIMITS, STOPPING_TIME, Servo
@@ -88,11 +88,21 @@ def command_tape(
 
 
 class LateServo(NamedTuple):
-    """A servo that elevators may follow."""
+    """A servo that elevators may follow; loads are over the largest of a campaign."""
 
     limits: Servo = NO_LIMITS
     delay: float = 0.0  #: [s]
-    lag: float = 0.0  #: [s]
+    lag: float = 0.0  #: Mean of turning up and down, without load [s].
+    skew: float = 0.0  #: Half the difference of both, over their mean.
+    lag_by_load: float = 0.0  #: That the largest load adds [s].
+    rate_by_load: float = 0.0  #: Share of the rate limit that it takes.
+    play: float = 0.0  #: Free, of the elevator behind the servo [rad].
+    slew: float = math.inf  #: Largest rate of coming after the commands [rad/s].
+
+    @property
+    def even(self) -> "LateServo":
+        """The same without what makes it uneven."""
+        return LateServo(*self[:3])
 
 
 _UNLIMITED = LateServo()
@@ -109,6 +119,7 @@ class Elevator(NamedTuple):
     rows: np.ndarray  #: (m,) those that count.
     angle: np.ndarray  #: (m,) measured there [rad].
     tape: CommandTape
+    load: np.ndarray = np.zeros(1)  #: (n,) or (1,) at the rows, the largest is 1.
 
     @property
     def seen(self) -> np.ndarray:
@@ -123,16 +134,31 @@ class Elevator(NamedTuple):
     ) -> np.ndarray:
         """Angles of a servo behind the commands, at any times [rad].
 
-        It began at `rest`, or at the angle of the tape.
+        It began at `rest`, or at the angle of the tape. For an uneven servo the times
+        increase.
         """
+        tape = self.tape
+        start = tape.rest if rest is None else rest
+        lag = servo.lag
+        if servo != servo.even:
+            uneven = servo[4:]
+            lags = (lag * (1.0 + servo.skew), lag * (1.0 - servo.skew))
+            start = float(min(max(start, servo.limits.low), servo.limits.high))
+            path = np.empty(len(query))
+            begins = tape.switches + servo.delay
+            loads = self.time[: len(self.load)], self.load
+            form = (*lags, *uneven)
+            given = begins, tape.commands, query, servo.limits, form, *loads
+            LOOPS.over(()).uneven_path(*given, start, path)
+            return path
         return elevator_path(
-            self.tape.switches,
-            self.tape.commands,
+            tape.switches,
+            tape.commands,
             query,
             servo.limits,
             delay=servo.delay,
-            time_constant=servo.lag,
-            start=self.tape.rest if rest is None else rest,
+            time_constant=lag,
+            start=start,
         )
 
 
@@ -284,8 +310,9 @@ def _calc_travel(
     """Measured over commanded travel without its sign, and its standard error.
 
     Least squares over all flights, of a delay and a lag that fit a few of them. The
-    servo keeps its limits, or none if that fits better: those of commands in another
-    unit are others. The error is what flights scatter by; it is infinite if the lag is
+    servo keeps its limits, or none if that fits better, as those of commands in another
+    unit are others. The limits that elevators reach excuse a gain that is not one, if
+    they fit better. The error is what flights scatter by; it is infinite if the lag is
     too long.
     """
     shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
@@ -293,18 +320,29 @@ def _calc_travel(
         return 0.0, math.inf
     few = shown[:: max(1, len(shown) // _FEW)]
     fits = []
-    for own in (limits, NO_LIMITS):
+    for own in (limits, NO_LIMITS, _reached(few)):
 
         def left(late: np.ndarray, own: Servo = own) -> float:
             return _compare_travel(few, _late_servo(own, late))[0]
 
         servo = _late_servo(own, brute(left, _TRIED))
         fits.append((*_compare_travel(shown, servo), servo.lag))
-    _, gain, lag = min(fits)
+    excuse = fits.pop()
+    least, gain, lag = min(fits)
+    if excuse[0] < least and abs(excuse[1] - 1.0) < abs(gain - 1.0):
+        _, gain, lag = excuse
     error = _SCATTER / math.sqrt(len(shown))
     if lag > _LONGEST_LAG and gain <= 1.0:
         error = math.inf
     return gain, error
+
+
+def _reached(elevators: Sequence[Elevator]) -> Servo:
+    """Limits that elevators reach: where they end, and how fast they turn."""
+    angles = np.concatenate([each.angle for each in elevators])
+    changes = [_changes_of(each.seen, each.angle)[1] for each in elevators]
+    fastest = float(np.max(np.abs(np.concatenate(changes)))) / _WINDOW
+    return Servo(float(np.min(angles)), float(np.max(angles)), fastest)
 
 
 def _late_servo(limits: Servo, late: np.ndarray) -> LateServo:

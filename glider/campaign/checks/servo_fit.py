@@ -2,10 +2,12 @@
 
 The measured angles of all flights are compared with the exact path of a servo behind
 the logged commands. Where what is left of them is noise, the servo is as specified;
-else its delay and lag are fitted, and then its limits. What these leave is a
-departure, if the angles are more likely with a smooth curve than with noise alone: lost
-or rounded commands, play, a lag that depends on the load. Flights are replayed with it,
-so that the aerodynamics are traced along the measured elevator.
+else its delay and lag are fitted, and then its limits, and forms that are not even: a
+lag of one way, a lag or a rate that depends on the load, free play, commands that are
+lost or rounded. The form that makes the angles most likely is named, if it leaves less
+than half of what a delay and a lag do. Flights are replayed with what a servo of a
+delay, a lag and limits does not do, so that the aerodynamics are traced along the
+measured elevator; so they are with departures that no form explains.
 """
 
 import dataclasses
@@ -13,38 +15,44 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.servo import Elevator, LateServo, measure_elevators
+from glider.campaign.checks.servo_forms import (
+    LEAST_EVIDENCE,
+    ORDER,
+    Fit,
+    errors_of,
+    find_rest,
+    find_step,
+    fit_of,
+    fit_servo,
+    least_step,
+    restore_lost,
+    with_loads,
+)
 from glider.campaign.logs import Campaign, Departure
-from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
+from glider.campaign.smoothing import smoothing_maps
 from glider.physics.parameters import MAX_ANGLE
 from glider.physics.servo import Servo
 
-_LEAST_EVIDENCE = 6.0
-"""Evidence above which a departure is no noise [nats]. By chance, half a chi-squared of
-one degree is larger in one of 3,700 campaigns; measured: 2.1 at most in 27 campaigns
-whose servo is as specified, or lags."""
-_ORDER = 2
-"""Order of the derivative of a departure that is white noise: its rate is a random
-walk. Of the orders 1 to 3 its errors are the least or nearly so, and it never takes
-noise for departures (bench_departures)."""
 _ERROR_SCALE = 1.5
 """Ratio of a departure's error to its standard error as a Gaussian process: 0.6 to 1.4,
 as departures are uneven (bench_departures)."""
 _FEWEST_ROWS = 10  # Of a flight whose departure can be smoothed.
-_FREE = ("low",), ("high",), ("rate",), ("low", "high", "rate")
+_FEWEST_LEVELS = 10  # Of commands that are rounded, not chosen.
+_LIMITS = ("low",), ("high",), ("rate",), ("low", "high"), ("low", "high", "rate")
 """Limits that a servo may have of its own: the first that explain the elevators."""
-_STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
-_SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
-_LONGEST = (0.3, 0.5)  # Delay and lag [s].
-_STEPS = (0.01, 0.01)  # Of delay and lag, to scale them [s].
-_NEAR_STOP = 0.05  # Distance from a stop where a servo may slow down [rad].
-_SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
-_LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
-_USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
-_DIFFERENCE = 1e-3  # Relative step of slopes.
+_UNEVEN = (("skew",), ("lag_by_load",), ("rate", "rate_by_load"), ("play",), ("slew",))
+"""What may make a servo uneven."""
+_LAGGING = ("skew",), ("lag_by_load",), ("rate", "rate_by_load")
+"""Those that are most like a delay and a lag, which remain effects to be traced."""
+_UNKNOWN = (
+    ", whatever its delay, lag and limits: are commands lost or rounded, has it play, "
+    "or another lag under load?"
+)
+_Z = 5.0  # Standard errors of what is not by chance, whatever is tried.
+_MOSTLY = 0.5  # Share of a departure's evidence that its cause may leave.
 
 
 def identify_servo(
@@ -60,20 +68,29 @@ def identify_servo(
         return campaign, ()
     elevators = _measure(campaign, masks)
     specified = LateServo(campaign.limits)
-    if not elevators or _explains(specified, elevators):
+    if not elevators or fit_of(specified, elevators).explains:
         return campaign, ()
-    servo = _fit(elevators, specified, log.command_std)
-    if _explains(servo, elevators):  # A delay and a lag are effects to be traced.
+    plain = fit_servo(elevators, specified, log.command_std)
+    found, words = _find_cause(campaign, masks, plain)
+    told: tuple[str, ...] = ()
+    if found.free and {*found.free} <= {*Servo._fields}:
+        campaign, told = _with_limits(campaign, found.servo.limits)
+        plain = found
+        if found.explains:
+            return campaign, told
+    elif plain.explains and not words:  # A delay and a lag are effects to be traced.
         return campaign, ()
-    for free in _FREE:
-        limited = _fit(elevators, servo, log.command_std, free)
-        if _explains(limited, elevators):
-            return _with_limits(campaign, limited.limits)
-    # A few flights may be odd: the others are left as they are.
-    odd = [each for each in elevators if not _explains(servo, [each])]
-    others = [each for each in elevators if _explains(servo, [each])]
-    few = odd if others and _explains(servo, others) else elevators
-    return _with_departures(campaign, servo, few)
+    places = range(len(elevators))
+    if words and found.servo == found.servo.even:  # Other commands reach it in some.
+        odd = [place for place in places if _has_other_commands(plain, found, place)]
+        plain, found = plain.on(odd), found.on(odd)
+    elif not words:  # A few flights may be odd: the others are left as they are.
+        odd = [place for place in places if not plain.on([place]).explains]
+        others = [place for place in places if place not in odd]
+        if odd and others and plain.on(others).explains:
+            plain, found = plain.on(odd), found.on(odd)
+    changed, sentence = _with_departures(campaign, plain, found, words)
+    return changed, (*told, sentence)
 
 
 def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> float:
@@ -81,7 +98,7 @@ def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> fl
     elevators = _measure(campaign, masks)
     if not elevators:
         return 0.0
-    return _departures(LateServo(campaign.limits), elevators).noise
+    return fit_of(LateServo(campaign.limits), elevators).departures.noise
 
 
 def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
@@ -90,101 +107,90 @@ def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
     return [each for each in elevators if len(each.rows) >= _FEWEST_ROWS]
 
 
-def _find_rest(elevator: Elevator, servo: LateServo) -> float:
-    """Angle at which an elevator rested [rad]: that logged first, without its noise.
+def _find_cause(
+    campaign: Campaign, masks: Mapping[str, Masks], plain: Fit
+) -> tuple[Fit, str]:
+    """Finds what explains most of the departures from a plain servo, and its words.
 
-    Noise would shift all angles until a stop.
+    Limits have words of their own. It is the plain servo where nothing does.
     """
-    rest = elevator.tape.rest
-    path = elevator.follow(elevator.seen, servo)
-    low, high, _ = servo.limits
-    moves_freely = (path > low + _NEAR_STOP) & (path < high - _NEAR_STOP)
-    free = np.logical_and.accumulate(moves_freely)
-    if free.all() or not free.any():
-        return rest
-    return rest + float(np.median((elevator.angle - path)[free]))
+    clock_std = campaign.servo.command_std
+    even = plain
+    if not plain.explains:
+        limited = []
+        for free in _LIMITS:
+            limited.append(fit_servo(plain.elevators, plain.servo, clock_std, free))
+            if limited[-1].explains:
+                break
+        even = _better(plain, limited[-1:] if limited[-1].explains else limited)
+    loaded = with_loads(campaign, masks, plain.elevators)
+    causes = {}
+    for free in _UNEVEN:
+        fit = fit_servo(loaded, plain.servo, clock_std, free)
+        value = getattr(fit.servo, free[-1])
+        if abs(value) > _Z * fit.std:
+            causes[fit] = _describe(fit, value)
+    if not any(fit.explains for fit in (even, *causes)):
+        lost, share = restore_lost(plain, clock_std)
+        causes[lost] = f"loses about {100.0 * share:.2g} % of its commands"
+        rounded, step = find_step(plain, clock_std)
+        causes[rounded] = f"rounds its commands, in steps of {step:.3g} rad/s"
+    best = _better(even, [*causes])
+    return best, causes.get(best, "")
 
 
-def _errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
-    """Measured minus expected angles (m,) [rad]."""
-    rest = _find_rest(elevator, servo)
-    return elevator.angle - elevator.follow(elevator.seen, servo, rest)
+def _better(before: Fit, others: Sequence[Fit]) -> Fit:
+    """The likeliest of others, if it explains most of what the one before leaves."""
+    best = max(others, key=lambda fit: fit.likelihood, default=before)
+    most = max(_MOSTLY * before.departures.evidence, LEAST_EVIDENCE)
+    gain = best.likelihood - before.likelihood
+    return best if gain > LEAST_EVIDENCE and best.departures.evidence < most else before
 
 
-def _lasting_errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
-    """The same without what a lag makes of a late first command (m,) [rad].
-
-    That is a constant and what fades with the lag.
-    """
-    error = _errors(elevator, servo)
-    since = elevator.seen - elevator.tape.switches[0]
-    fading = np.exp(-since / max(servo.lag, _SHORTEST_LAG))
-    columns = np.stack([np.ones(len(since)), fading], axis=1)
-    return error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+def _has_other_commands(plain: Fit, found: Fit, place: int) -> bool:
+    logged = plain.elevators[place].tape
+    return not np.array_equal(logged.commands, found.elevators[place].tape.commands)
 
 
-def _departures(servo: LateServo, elevators: Sequence[Elevator]) -> Smoothing:
-    """Returns how elevators depart from a servo."""
-    times = [each.seen for each in elevators]
-    errors = [_lasting_errors(each, servo)[:, None] for each in elevators]
-    return estimate_noise(times, errors, _ORDER)[0]
+def _describe(fit: Fit, value: float) -> str:
+    """Says how a servo is not even."""
+    servo = fit.servo
+    lag = 1e3 * servo.lag
+    std = fit.std
+    match fit.free[-1]:
+        case "skew":
+            return (
+                f"lags by {lag * (1.0 + value):.3g} ms turning up and by "
+                f"{lag * (1.0 - value):.3g} ms turning down (± {2.0 * lag * std:.1g} "
+                "apart)"
+            )
+        case "lag_by_load":
+            return (
+                f"has a lag that grows with the load of the air, from {lag:.3g} to "
+                f"{lag + 1e3 * value:.3g} ± {1e3 * std:.1g} ms"
+            )
+        case "rate_by_load":
+            rate = servo.limits.rate
+            return (
+                "has a rate limit that falls with the load of the air, from "
+                f"{rate:.3g} to {rate * (1.0 - value):.3g} ± {rate * std:.1g} rad/s"
+            )
+        case "slew":
+            return (
+                f"catches up with its commands by {value:.3g} ± {std:.1g} rad/s at most"
+            )
+    return f"has a free play of {value:.3g} ± {std:.1g} rad"
 
 
-def _explains(servo: LateServo, elevators: Sequence[Elevator]) -> bool:
-    """Whether elevators are off by noise alone."""
-    return _departures(servo, elevators).evidence < _LEAST_EVIDENCE
-
-
-def _fit(
-    elevators: Sequence[Elevator],
-    start: LateServo,
-    clock_std: float,
-    free: tuple[str, ...] = (),
-) -> LateServo:
-    """Fits the delay and lag of a servo, and those of its limits that are free.
-
-    Commands may be late by the error of their clock [s]. Limits begin where elevators
-    and commands end.
-    """
-    angles = np.concatenate([each.angle for each in elevators])
-    commands = np.concatenate([each.tape.commands for each in elevators])
-    low = float(np.min(angles))
-    high = float(np.max(angles))
-    middle = 0.5 * (low + high)
-    span = high - low
-    fastest = float(np.max(np.abs(commands)))
-    ranges = {  # Least and most of each limit, where it begins, and its scale.
-        "low": (low - span, middle, low, 0.1),
-        "high": (middle, high + span, high, 0.1),
-        "rate": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
-    }
-
-    def servo_of(numbers: np.ndarray) -> LateServo:
-        delay, lag, *values = map(float, numbers)
-        own = dict(zip(free, values, strict=True))
-        return LateServo(start.limits._replace(**own), delay, lag)
-
-    def errors(numbers: np.ndarray) -> np.ndarray:
-        servo = servo_of(numbers)
-        return np.concatenate([_lasting_errors(each, servo) for each in elevators])
-
-    least = [-_SURE * clock_std, 0.0, *(ranges[name][0] for name in free)]
-    most = [*_LONGEST, *(ranges[name][1] for name in free)]
-    scales = [*_STEPS, *(ranges[name][3] for name in free)]
-    fits = []
-    for late in (_STARTS[0], start[1:]) if free else _STARTS:
-        # Large errors weigh less: a lost command says nothing of the servo.
-        fit = least_squares(
-            errors,
-            [*late, *(ranges[name][2] for name in free)],
-            bounds=(least, most),
-            x_scale=scales,
-            diff_step=_DIFFERENCE,
-            loss="soft_l1",
-            f_scale=_USUAL_ERROR,
-        )
-        fits.append(servo_of(fit.x))
-    return min(fits, key=lambda servo: _departures(servo, elevators).evidence)
+def _logged_step(fit: Fit) -> float:
+    """Step that logged commands are rounded to [rad/s]; 0 where it explains nothing."""
+    commands = np.concatenate([each.tape.commands for each in fit.elevators])
+    levels = np.unique(np.abs(commands))
+    if len(levels) < _FEWEST_LEVELS:
+        return 0.0
+    step = float(np.min(np.diff(levels)))
+    is_rounded = np.allclose(levels / step, np.round(levels / step), atol=0.01)
+    return step if is_rounded and step > least_step(fit) else 0.0
 
 
 def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str, ...]]:
@@ -208,40 +214,51 @@ def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str,
 
 
 def _with_departures(
-    campaign: Campaign, servo: LateServo, elevators: Sequence[Elevator]
-) -> tuple[Campaign, tuple[str, ...]]:
-    """Returns the campaign with its elevators' departures from a servo."""
-    found = _departures(servo, elevators)
+    campaign: Campaign, plain: Fit, uneven: Fit, cause: str
+) -> tuple[Campaign, str]:
+    """Returns the campaign with its elevators' departures from a plain servo.
+
+    Without a cause, an uneven servo is the same.
+    """
+    servo = plain.servo
+    if cause and uneven.free not in _LAGGING:
+        servo = uneven.servo.even._replace(limits=servo.limits)
+    found = uneven.departures
     times = {flight.name: flight.time for flight in campaign.flights}
     curves = {}
     shares = []
-    for each in elevators:
-        query = np.append(times[each.name], each.seen)
-        query = np.clip(query, each.seen[0], each.seen[-1])
-        smoothed = smoothing_maps(each.seen, query, found.ratio, _ORDER)[0]
-        count = len(times[each.name])
-        shares.append(np.mean(smoothed[count:].diagonal()))
-        curves[each.name] = smoothed[:count] @ _errors(each, servo)
-    share = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0)
     departures = {}
-    for each in elevators:
-        curve = curves[each.name]
-        rest = _find_rest(each, servo)
-        departures[each.name] = Departure(curve, rest, share * found.noise)
-    flights = [
-        dataclasses.replace(flight, departure=departures.get(flight.name))
-        for flight in campaign.flights
-    ]
+    for told, each in zip(plain.elevators, uneven.elevators, strict=True):
+        clock = times[each.name]
+        query = np.append(clock, each.seen)
+        query = np.clip(query, each.seen[0], each.seen[-1])
+        smoothed = smoothing_maps(each.seen, query, found.ratio, ORDER)[0]
+        shares.append(np.mean(smoothed[len(clock) :].diagonal()))
+        curve = smoothed[: len(clock)] @ errors_of(each, uneven.servo)
+        rest = find_rest(each, uneven.servo)
+        curve += each.follow(clock, uneven.servo, rest) - told.follow(
+            clock, servo, rest
+        )
+        curves[each.name] = curve
+        departures[each.name] = Departure(curve, rest, 0.0, bool(cause))
+    std = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0) * found.noise
+    flights = []
+    for flight in campaign.flights:
+        own = departures.get(flight.name)
+        own = own if own is None else own._replace(std=std)
+        flights.append(dataclasses.replace(flight, departure=own))
     largest = {name: float(np.max(np.abs(curve))) for name, curve in curves.items()}
     worst = max(largest, key=largest.__getitem__)
     when = times[worst][np.argmax(np.abs(curves[worst]))]
     rms = math.sqrt(np.mean([np.var(curve) for curve in curves.values()]))
+    if step := 0.0 if cause else _logged_step(plain):
+        cause = f"has a log that rounds commands, in steps of {step:.3g} rad/s"
+    beginning = f"The servo {cause}. " if cause else ""
+    ending = "." if cause else _UNKNOWN
     sentence = (
-        f"The elevator departs from its commands by {1e3 * rms:.2g} mrad (RMS; its "
-        f"noise is {1e3 * found.noise:.2g}), in {worst} by {largest[worst]:.2g} rad at "
-        f"{when:.3g} s, whatever its delay, lag and limits: are commands lost or "
-        "rounded, has it play, or another lag under load? Flights are replayed along "
-        "the measured elevator."
+        f"{beginning}The elevator departs from its commands by {1e3 * rms:.2g} mrad "
+        f"(RMS; its noise is {1e3 * found.noise:.2g}), in {worst} by "
+        f"{largest[worst]:.2g} rad at {when:.3g} s{ending} "
+        "Flights are replayed along the measured elevator."
     )
-    changed = dataclasses.replace(campaign, flights=tuple(flights))
-    return changed, (sentence,)
+    return dataclasses.replace(campaign, flights=tuple(flights)), sentence

@@ -71,6 +71,7 @@ class Record:
     place: float  #: In the session, from -0.5 for its first flight to 0.5.
     departure: np.ndarray  #: (n,) of the elevator from what a servo makes of them.
     departure_std: float  #: Its standard error [rad].
+    departure_is_named: bool  #: Whether a form of the servo is known that explains it.
     servo: Servo  #: Limits of the servo.
     rest: float  #: Where the elevator stood before the first command [rad].
     trim_is_moment: bool  #: Whether a trim makes no force, see `replayed.trimmed`.
@@ -148,6 +149,7 @@ def _record(
     commands = np.zeros(1)
     departure = np.zeros(n)
     departure_std = 0.0
+    is_named = False
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.elevator is not None and has_servo:
         begin = float(flight.time[good[0]])
@@ -156,6 +158,7 @@ def _record(
         if flight.departure is not None:
             departure = np.interp(time, clock, flight.departure.angle)
             departure_std = flight.departure.std
+            is_named = flight.departure.is_named
             rest = flight.departure.rest
 
         elevator[place] = flight.elevator[rows]
@@ -180,6 +183,7 @@ def _record(
         place=0.0,
         departure=departure,
         departure_std=departure_std,
+        departure_is_named=is_named,
         servo=servo,
         rest=rest,
         is_cut=has_servo and mask.first > 0,

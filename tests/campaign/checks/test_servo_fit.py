@@ -1,18 +1,29 @@
 """A servo is found in measured elevators, and so is what no servo explains."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 
 from glider.campaign.checks.masks import masks_of
-from glider.campaign.checks.servo import command_tape
+from glider.campaign.checks.servo import (
+    CommandTape,
+    Elevator,
+    LateServo,
+    command_tape,
+    measure_elevators,
+)
 from glider.campaign.checks.servo_fit import identify_servo
+from glider.campaign.checks.servo_forms import with_loads
 from glider.compiled.actuators import elevator_path
+from glider.physics.parameters import GliderParameters
 from glider.physics.servo import Servo
+from glider.sysid.pipeline import close_the_loop
 from tests.helpers.tasks import fly
 
 NOISE = 0.004  # Of the measured angle [rad].
+LIMITS = GliderParameters().servo
 
 
 @pytest.fixture(scope="module")
@@ -112,20 +123,6 @@ def lose(limits, share=0.04):
     return path
 
 
-def lag_upward(switches, commands, time):
-    """Lags by 50 ms where the elevator turns faster upward, else by 5 ms."""
-    step = 2.5e-4
-    fine = np.arange(time[0], time[-1] + step, step)
-    held = np.searchsorted(switches, fine, side="right") - 1
-    angle = np.zeros(len(fine))
-    rate = 0.0
-    for k, command in enumerate(commands[np.clip(held, 0, None)][:-1]):
-        lag = 0.05 if command > rate else 0.005
-        rate += (command - rate) * step / lag
-        angle[k + 1] = angle[k] + rate * step
-    return np.interp(time, fine, angle)
-
-
 def test_lost_commands_are_a_departure(campaign):
     own, true = moved(campaign, lose(campaign.limits))
     found, [words] = identify_servo(own, {})
@@ -149,12 +146,145 @@ def test_lost_commands_are_a_departure(campaign):
     assert 0.6 * std < np.sqrt(np.mean(np.square(errors))) < 1.1 * std < 1.5 * NOISE
 
 
-def test_a_lag_of_one_way_is_a_departure(campaign):
-    own, _ = moved(campaign, lag_upward)
-    found, [words] = identify_servo(own, {})
-    assert "departs from its commands" in words
-    for flight in found.flights:
-        assert np.std(flight.departure.angle) > 2.0 * NOISE
+def uneven(**numbers):
+    """Returns the path of a servo that is not even."""
+    servo = LateServo(LIMITS, **numbers)
+
+    def path(switches, commands, time):
+        tape = CommandTape(switches, commands, 0.0)
+        return Elevator("", time, np.arange(len(time)), time, tape).follow(time, servo)
+
+    return path
+
+
+def hold_others(switches, commands, time):
+    """Holds the command before, once in twenty times."""
+    lost = np.zeros(len(commands), bool)
+    lost[5::20] = True
+    return elevator_path(switches, np.where(lost, np.roll(commands, 1), commands), time)
+
+
+def round_commands(step):
+    def path(switches, commands, time):
+        return elevator_path(switches, step * np.round(commands / step), time, LIMITS)
+
+    return path
+
+
+@pytest.mark.parametrize(
+    ("path", "words", "number", "error"),
+    [
+        (uneven(lag=0.028, skew=0.786), r"lags by ([\d.]+) ms turning up", 50.0, 2.0),
+        (uneven(play=0.02), r"free play of ([\d.]+) ± [\d.]+ rad", 0.02, 0.002),
+        (uneven(lag=0.02, slew=3.0), r"by ([\d.]+) ± [\d.]+ rad/s at most", 3.0, 0.1),
+        (hold_others, r"loses about ([\d.]+) % of its commands", 4.7, 2.0),
+        (round_commands(1.0), r"in steps of ([\d.]+) rad/s", 1.0, 0.01),
+    ],
+    ids=["one way", "play", "slew", "lost", "rounded"],
+)
+def test_what_makes_a_servo_uneven_is_named(campaign, path, words, number, error):
+    own, true = moved(campaign, path)
+    found, [sentence] = identify_servo(own, {})
+    assert sentence.startswith("The servo ")
+    [value] = re.findall(words, sentence)
+    assert float(value) == pytest.approx(number, abs=error)
+    for flight, angle in zip(found.flights, true, strict=True):
+        departure = flight.departure
+        assert departure.is_named
+        assert departure.std < NOISE
+        if "turning" in words:  # From a servo of a mean lag, which is yet to be traced.
+            continue
+        tape = command_tape(flight, masks_of(flight, {}), campaign.switch_rate)
+        lag = 0.02 if "at most" in words else 0.0
+        given = tape.switches, tape.commands, flight.time, LIMITS
+        path = elevator_path(*given, start=departure.rest, time_constant=lag)
+        assert np.std(path + departure.angle - angle) < 3.0 * departure.std
+
+
+@pytest.mark.parametrize("number", ["lag_by_load", "rate_by_load"])
+def test_a_servo_that_weakens_under_load_is_named(campaign, number):
+    own = campaign
+    servo = {
+        "lag_by_load": LateServo(LIMITS, lag=0.01, lag_by_load=0.05),
+        "rate_by_load": LateServo(LIMITS._replace(rate=6.0), rate_by_load=0.7),
+    }[number]
+
+    def path(switches, commands, time):
+        tape = CommandTape(switches, commands, 0.0)
+        rows = np.arange(len(time))
+        return Elevator("", time, rows, time, tape, next(loads)).follow(time, servo)
+
+    for _ in range(4):  # The load is that of the elevator as it turns.
+        elevators = measure_elevators(own, {}, at_rows=False)
+        loads = iter([each.load for each in with_loads(own, {}, elevators)])
+        own, _ = moved(campaign, path)
+    _, [sentence] = identify_servo(own, {})
+    kind = "lag" if "lag" in number else "rate limit"
+    assert f"has a {kind} that" in sentence
+
+
+def test_a_log_that_rounds_commands_is_named(campaign):
+    own, _ = moved(campaign, follow(campaign.limits))
+    flights = [
+        dataclasses.replace(f, command=1.0 * np.round(f.command)) for f in own.flights
+    ]
+    told = dataclasses.replace(own, flights=tuple(flights))
+    _, [sentence] = identify_servo(told, {})
+    assert "a log that rounds commands, in steps of 1 rad/s" in sentence
+
+
+def turn_finely(servo, switches, commands, time, load):
+    """Turns an elevator of an uneven servo, by Euler's small steps."""
+    step = 1e-5
+    demanded = behind = shown = 0.0
+    angles = []
+    for now in np.arange(time[0], time[-1], step):
+        force = load[np.searchsorted(time, now, side="right") - 1]
+        command = commands[
+            np.searchsorted(switches, now - servo.delay, side="right") - 1
+        ]
+        most = servo.limits.rate * (1.0 - servo.rate_by_load * force)
+        demanded += step * np.clip(command, -most, most) * (now >= servo.delay)
+        side = 1.0 if demanded > behind else -1.0
+        lag = servo.lag * (1.0 + side * servo.skew) + servo.lag_by_load * force
+        behind += step * np.clip((demanded - behind) / lag, -servo.slew, servo.slew)
+        shown = np.clip(shown, behind - servo.play / 2.0, behind + servo.play / 2.0)
+        angles.append(shown)
+    return np.interp(time, np.arange(time[0], time[-1], step) + step, angles)
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        {"skew": 0.7},
+        {"lag_by_load": 0.05},
+        {"rate_by_load": 0.6},
+        {"play": 0.03},
+        {"slew": 3.0},
+    ],
+    ids=lambda numbers: next(iter(numbers)),
+)
+def test_an_uneven_servo_turns_as_its_numbers_say(numbers):
+    time = np.arange(40) / 100.0
+    switches = np.array([0.0, 0.1, 0.2, 0.3])
+    tape = CommandTape(switches, np.array([4.0, -5.0, 2.0, -1.0]), 0.0)
+    load = np.linspace(0.0, 1.0, len(time))
+    servo = LateServo(LIMITS._replace(rate=6.0), 0.01, 0.03)._replace(**numbers)
+    each = Elevator("", time, np.arange(len(time)), time, tape, load)
+    true = turn_finely(servo, tape.switches, tape.commands, time, load)
+    assert each.follow(time, servo) == pytest.approx(true, abs=2e-3)
+    assert np.max(np.abs(each.follow(time, servo.even) - true)) > 5e-3
+
+
+def test_an_uneven_servo_without_numbers_is_even(campaign):
+    """The fine steps are exact for one that only lags."""
+    flight = campaign.flights[0]
+    tape = command_tape(flight, masks_of(flight, {}), campaign.switch_rate)
+    each = Elevator("", flight.time, np.arange(len(flight.time)), flight.time, tape)
+    even = LateServo(campaign.limits, 0.004, 0.03)
+    path = each.follow(flight.time, even)
+    nearly = each.follow(flight.time, even._replace(play=1e-9))
+    assert nearly == pytest.approx(path, abs=1e-6)
 
 
 def test_one_odd_flight_leaves_the_others_alone(campaign):
@@ -175,3 +305,11 @@ def test_angles_that_were_not_measured_show_no_servo(campaign):
     for log in ({"angle": "reconstructed"}, {"command": "reconstructed"}):
         told = dataclasses.replace(own, servo=dataclasses.replace(own.servo, **log))
         assert identify_servo(told, {}) == (told, ())
+
+
+def test_a_verdict_tells_first_of_a_servo_that_differs(campaign):
+    low, high = campaign.elevator_limits
+    told = dataclasses.replace(campaign, elevator_limits=(low, 0.5 * high))
+    result = close_the_loop(told, effects=["profile_drag"])
+    [words] = [words for words in result.log_findings if "The servo" in words]
+    assert result.reason.startswith(words)

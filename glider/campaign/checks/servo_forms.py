@@ -1,0 +1,314 @@
+"""Forms of servos, fitted to measured elevators.
+
+Each is judged by the likelihood of the angles, whatever smooth curve they have beside
+it (`departures`), less what its freedom costs.
+"""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.optimize import OptimizeResult, least_squares
+
+from glider.campaign.checks.masks import Masks, masks_of
+from glider.campaign.checks.servo import Elevator, LateServo
+from glider.campaign.logs import Campaign
+from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
+from glider.physics.parameters import GliderParameters
+from glider.physics.servo import Servo
+
+LEAST_EVIDENCE = 6.0
+"""Evidence above which a departure is no noise [nats]. By chance, half a chi-squared of
+one degree is larger in one of 3,700 campaigns; measured: 2.1 at most in 27 campaigns
+whose servo is as specified, or lags."""
+ORDER = 2
+"""Order of the derivative of a departure that is white noise: its rate is a random
+walk. Of the orders 1 to 3 its errors are the least or nearly so, and it never takes
+noise for departures (bench_departures)."""
+_STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
+_SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
+_LONGEST = (0.3, 0.5)  # Delay and lag [s].
+_STEPS = (0.01, 0.01)  # Of delay and lag, to scale them [s].
+_NEAR_STOP = 0.05  # Distance from a stop where a servo may slow down [rad].
+_SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
+_LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
+_USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
+_MOST_TRIES = 40  # Of a fit, which may have numbers that show nothing.
+_DIFFERENCE = 1e-3  # Relative step of slopes.
+_AROUND = 3  # Periods on each side of a command that show whether it was lost.
+_FINER = 21  # Steps between two that were tried.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """A form of a servo, fitted to elevators."""
+
+    servo: LateServo
+    elevators: Sequence[Elevator]  #: Behind the commands that reached it.
+    cost: float  #: Of what was chosen beside delay, lag and `free` [nats].
+    free: tuple[str, ...] = ()  #: Numbers that were fitted beside delay and lag.
+    std: float = 0.0  #: Standard error of the last of them, from flight to flight.
+
+    def on(self, places: Sequence[int]) -> "Fit":
+        """The same of some of the elevators."""
+        few = [self.elevators[place] for place in places]
+        return dataclasses.replace(self, elevators=few)
+
+    @functools.cached_property
+    def departures(self) -> Smoothing:
+        """How elevators depart from it."""
+        times = [each.seen for each in self.elevators]
+        errors = [_lasting_errors(e, self.servo)[:, None] for e in self.elevators]
+        return estimate_noise(times, errors, ORDER)[0]
+
+    @property
+    def explains(self) -> bool:
+        """Whether elevators are off by noise alone."""
+        return self.departures.evidence < LEAST_EVIDENCE
+
+    @property
+    def likelihood(self) -> float:
+        """Of the elevators, less half the logarithm of their rows a number [nats]."""
+        rows = sum(len(each.rows) for each in self.elevators)
+        freedom = 0.5 * len(self.free) * math.log(rows)
+        return self.departures.log_likelihood - freedom - self.cost
+
+
+def fit_of(servo: LateServo, elevators: Sequence[Elevator], cost: float = 0.0) -> Fit:
+    """A servo as it is."""
+    return Fit(servo=servo, elevators=elevators, cost=cost)
+
+
+def find_rest(elevator: Elevator, servo: LateServo) -> float:
+    """Angle at which an elevator rested [rad]: that logged first, without its noise.
+
+    Noise would shift all angles until a stop.
+    """
+    rest = elevator.tape.rest
+    path = elevator.follow(elevator.seen, servo)
+    low, high, _ = servo.limits
+    moves_freely = (path > low + _NEAR_STOP) & (path < high - _NEAR_STOP)
+    free = np.logical_and.accumulate(moves_freely)
+    if free.all() or not free.any():
+        return rest
+    return rest + float(np.median((elevator.angle - path)[free]))
+
+
+def errors_of(elevator: Elevator, servo: LateServo) -> np.ndarray:
+    """Measured minus expected angles (m,) [rad]."""
+    rest = find_rest(elevator, servo)
+    return elevator.angle - elevator.follow(elevator.seen, servo, rest)
+
+
+def _lasting_errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
+    """The same without what a lag makes of a late first command (m,) [rad].
+
+    That is a constant and what fades with the lag.
+    """
+    error = errors_of(elevator, servo)
+    since = elevator.seen - elevator.tape.switches[0]
+    fading = np.exp(-since / max(servo.lag, _SHORTEST_LAG))
+    columns = np.stack([np.ones(len(since)), fading], axis=1)
+    return error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+
+
+def fit_servo(
+    elevators: Sequence[Elevator],
+    start: LateServo,
+    clock_std: float,
+    free: tuple[str, ...] = (),
+    cost: float = 0.0,
+) -> Fit:
+    """Fits the delay and lag of a servo, and other numbers of it that are free.
+
+    Commands may be late by the error of their clock [s]. Limits begin where elevators
+    and commands end.
+    """
+    angles = np.concatenate([each.angle for each in elevators])
+    commands = np.concatenate([each.tape.commands for each in elevators])
+    low = float(np.min(angles))
+    high = float(np.max(angles))
+    middle = 0.5 * (low + high)
+    span = high - low
+    fastest = float(np.max(np.abs(commands)))
+    ranges = {  # Least and most of each, where it begins, and its scale.
+        "low": (low - span, middle, low, 0.1),
+        "high": (middle, high + span, high, 0.1),
+        "rate": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
+        "skew": (-1.0, 1.0, 0.0, 0.1),
+        "lag_by_load": (0.0, _LONGEST[1], 0.02, _STEPS[1]),
+        "rate_by_load": (0.0, 1.0, 0.3, 0.1),
+        "play": (0.0, span, 0.01, 0.01),
+        "slew": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
+    }
+
+    def servo_of(numbers: np.ndarray) -> LateServo:
+        delay, lag, *values = map(float, numbers)
+        own = dict(zip(free, values, strict=True))
+        ends = {name: own.pop(name) for name in Servo._fields if name in own}
+        return LateServo(start.limits._replace(**ends), delay, lag, **own)
+
+    def errors(numbers: np.ndarray) -> np.ndarray:
+        servo = servo_of(numbers)
+        return np.concatenate([_lasting_errors(each, servo) for each in elevators])
+
+    least = [-_SURE * clock_std, 0.0, *(ranges[name][0] for name in free)]
+    most = [*_LONGEST, *(ranges[name][1] for name in free)]
+    scales = [*_STEPS, *(ranges[name][3] for name in free)]
+    fits = []
+    for late in (_STARTS[0], start[1:3]) if free else _STARTS:
+        # Large errors weigh less: a lost command says nothing of the servo.
+        found = least_squares(
+            errors,
+            [*late, *(ranges[name][2] for name in free)],
+            bounds=(least, most),
+            x_scale=scales,
+            diff_step=_DIFFERENCE,
+            loss="soft_l1",
+            max_nfev=_MOST_TRIES,
+            f_scale=_USUAL_ERROR,
+        )
+        fit = fit_of(servo_of(found.x), elevators, cost)
+        fits.append(dataclasses.replace(fit, free=free, std=_std_of(found, elevators)))
+    return max(fits, key=lambda fit: fit.likelihood)
+
+
+def _std_of(found: OptimizeResult, elevators: Sequence[Elevator]) -> float:
+    """Standard error of the last number of a fit, as flights differ."""
+    # SciPy's slopes are those of errors that count less where they are large.
+    error = found.fun * (1.0 + (found.fun / _USUAL_ERROR) ** 2) ** 0.25
+    ends = np.cumsum([len(each.rows) for each in elevators])[:-1]
+    parts = zip(np.split(found.jac, ends), np.split(error, ends), strict=True)
+    pulls = np.array([slopes.T @ own for slopes, own in parts])
+    gain = np.linalg.pinv(found.jac.T @ found.jac)[-1]
+    return float(np.linalg.norm(pulls @ gain))
+
+
+def restore_lost(plain: Fit, clock_std: float) -> tuple[Fit, float]:
+    """Finds commands that a servo never got: it held the one before.
+
+    Also returns their share of all.
+    """
+    noise = plain.departures.noise
+    found = []
+    lost = 0
+    count = 0
+    cost = 0.0
+    for each in plain.elevators:
+        commands = _held_instead(each, plain.servo, noise)
+        own = int(np.count_nonzero(commands != each.tape.commands))
+        lost += own
+        count += len(commands)
+        cost += own * math.log(len(commands))
+        found.append(each._replace(tape=each.tape._replace(commands=commands)))
+    return fit_servo(found, plain.servo, clock_std, cost=cost), lost / count
+
+
+def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
+    """Commands (k,) of which the lost ones are those before [rad/s].
+
+    The one that explains the most of the angles about it comes first.
+    """
+    tape = each.tape
+    commands = tape.commands.copy()
+    around = _AROUND * float(np.median(np.diff(tape.switches)))
+    kept = [*range(1, len(commands))]
+
+    def gain(k: int) -> float:
+        since = each.seen - tape.switches[k] - servo.delay
+        before = (since <= 0.0) & (since > -around)
+        after = (since > 0.0) & (since < around + servo.lag)
+        if not before.any():
+            return 0.0
+        held = commands.copy()
+        held[k] = held[k - 1]
+        left = []
+        for own in (commands, held):
+            other = each._replace(tape=tape._replace(commands=own))
+            error = each.angle - other.follow(each.seen, servo)
+            left.append(np.sum((error[after] - np.mean(error[before])) ** 2))
+        # The mean before has noise of its own, the same in all rows.
+        variance = noise**2 * (1.0 + np.count_nonzero(after) / np.count_nonzero(before))
+        return float(left[0] - left[1]) / (2.0 * variance)
+
+    while kept:
+        gains = [gain(k) for k in kept]
+        best = int(np.argmax(gains))
+        if gains[best] < LEAST_EVIDENCE:
+            break
+        k = kept.pop(best)
+        commands[k] = commands[k - 1]
+    return commands
+
+
+def find_step(plain: Fit, clock_std: float) -> tuple[Fit, float]:
+    """Fits elevators behind rounded commands; also returns the step [rad/s]."""
+    elevators = plain.elevators
+    commands = np.concatenate([each.tape.commands for each in elevators])
+    largest = float(np.max(np.abs(commands)))
+    usual = float(np.sqrt(np.mean(commands**2)))
+
+    def behind(step: float) -> list[Elevator]:
+        tapes = [each.tape for each in elevators]
+        rounded = [
+            t._replace(commands=step * np.round(t.commands / step)) for t in tapes
+        ]
+        return [e._replace(tape=t) for e, t in zip(elevators, rounded, strict=True)]
+
+    def likelihood(inverse: float) -> float:
+        return fit_of(plain.servo, behind(1.0 / inverse)).likelihood
+
+    # By a step that is wrong by so much, usual commands are off by a tenth of it.
+    apart = 0.1 / usual
+    inverse = np.arange(1.0 / largest, 1.0 / least_step(plain), apart)
+    count = len(inverse)
+    for _ in range(3):
+        best = inverse[np.argmax([likelihood(value) for value in inverse])]
+        inverse = best + apart * np.linspace(-0.5, 0.5, _FINER)
+        apart *= 2.0 / (_FINER - 1)
+    cost = math.log(count * _FINER**2)
+    return fit_servo(behind(1.0 / best), plain.servo, clock_std, cost=cost), 1.0 / best
+
+
+def least_step(plain: Fit) -> float:
+    """Step of commands whose errors of rounding add up to noise in a flight [rad/s]."""
+    tape = plain.elevators[0].tape
+    period = float(np.median(np.diff(tape.switches)))
+    noise = plain.departures.noise
+    return noise / (period * math.sqrt(len(tape.commands) / 12.0))
+
+
+def with_loads(
+    campaign: Campaign, masks: Mapping[str, Masks], elevators: Sequence[Elevator]
+) -> list[Elevator]:
+    """Elevators with the load of the air on them, over the largest one.
+
+    It is as |V| V·n, of the elevator's normal n and its velocity V.
+    """
+    flights = {flight.name: flight for flight in campaign.flights}
+    usual = GliderParameters().hinge_offset
+    arm = campaign.vehicle.get("hinge_offset", usual)
+    times = []
+    poses = []
+    for each in elevators:
+        flight = flights[each.name]
+        usable = masks_of(flight, masks).usable & np.isin(flight.time, each.time)
+        times.append(flight.time[usable])
+        poses.append(flight.pose[usable])
+    found = estimate_noise(times, poses)
+    loads = []
+    for each, time, pose in zip(elevators, times, poses, strict=True):
+        motion = [
+            smoothing_maps(time, each.time, channel.ratio)[:2] @ own
+            for channel, own in zip(found, pose.T, strict=True)
+        ]
+        (_, x), (_, z), (pitch, turning) = motion
+        angle = np.interp(each.time, each.seen, each.angle)
+        e = pitch + angle
+        across = x * np.sin(e) + z * np.cos(e) + arm * turning * np.cos(angle)
+        loads.append(np.abs(across) * np.hypot(x, z))
+    most = max(float(np.max(load)) for load in loads)
+    pairs = zip(elevators, loads, strict=True)
+    return [each._replace(load=load / most) for each, load in pairs]
