@@ -42,7 +42,9 @@ from glider.progress import Progress, Step, silent
 from glider.sysid.constants import MANY_FLIGHTS, PRIOR_SCALES
 from glider.sysid.fit.prediction import RolloutModel, find_launch, flown_by
 from glider.sysid.likelihood.candidates import gather, gather_in_parts
+from glider.sysid.likelihood.filtering import negative_log_likelihood
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings, path_of
+from glider.sysid.likelihood.model_fit import grams_of
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult
@@ -77,6 +79,7 @@ _STEP = 4.0  # Ratio of two sizes that are tried first.
 _HALVINGS = 3  # Of their ratio's logarithm, about where an effect is visible.
 _SMALLEST = 2.0**-12  # Of the typical size.
 _ITERATIONS = 20  # Of a fit of the scales.
+_ROUNDS = 3  # Of scales and coefficients that depend on each other.
 _FEW = 3  # Answers that are reported.
 _LEAST_SHARE = 0.01  # Of an effect that does not pass for noise.
 _NOTHING = frozenset[str]()
@@ -202,7 +205,9 @@ class Rehearser:
         self.candidates, grams = gather_in_parts(own, self.model, scales)
         self.gram = grams.sum(axis=0)
         few = gather(own.thinned(MANY_FLIGHTS), self.model)
-        self.strengths = Strengths(few.flights, scales)
+        _, prior = self.candidates.nothing()
+        acting = self.acting
+        self.strengths = Strengths(few.flights, scales, acting, prior.precision[acting])
         self.reach = len(records) / len(few.flights)
         rng = np.random.default_rng(seed)
         drawn = rng.normal(size=(_DRAWS, len(self.gram) - 1))
@@ -287,16 +292,17 @@ class Rehearser:
         """Change of all columns (m,) by an effect, less what passes for noise."""
         change = np.zeros(self.noise.shape[1])
         change[column] = size
+        known = 0.5 * size**2 * self._information(column)
+        share = self.strengths.lost_without(change) * self.reach / known
+        return change * float(np.clip(share, _LEAST_SHARE, 1.0)) ** 0.5
+
+    def _information(self, column: int) -> float:
+        """Information on a coefficient where the strengths of the noise are known."""
         fitted = self.acting
-        _, prior = self.candidates.nothing()
-        inner = self.gram[np.ix_(fitted, fitted)] + np.diag(prior.precision[fitted])
-        seen = change.copy()
-        seen[fitted] = -np.linalg.solve(inner, self.gram[fitted, column] * size)
-        known = 0.5 * seen @ self.gram[:-1, :-1] @ seen
-        # All is fitted at once, which loses less than either alone.
-        lost = min(map(self.strengths.lost_without, (change, seen)))
-        share = lost * self.reach / known
-        return change * np.clip(share, _LEAST_SHARE, 1.0) ** 0.5
+        precision = self.strengths.precision
+        inner = self.gram[np.ix_(fitted, fitted)] + np.diag(precision)
+        side = self.gram[fitted, column]
+        return float(self.gram[column, column] - side @ np.linalg.solve(inner, side))
 
     @property
     def acting(self) -> list[int]:
@@ -370,24 +376,49 @@ class Strengths:
     Args:
         flights: linear in all columns.
         scales: of the noise, which are known.
+        fitted: columns of what is fitted beside the strengths.
+        precision: of the prior of their coefficients.
     """
 
-    def __init__(self, flights: Sequence[LinearFlight], scales: Scales):
+    def __init__(
+        self,
+        flights: Sequence[LinearFlight],
+        scales: Scales,
+        fitted: Sequence[int],
+        precision: np.ndarray,
+    ):
         """Fits the strengths to the flights as they are."""
         self.flights = flights
-        own = [flight.error_only() for flight in flights]
-        self.scales, self.least, _ = fit_scales(own, scales, iterations=_ITERATIONS)
+        self.scales = scales
+        self.fitted = list(fitted)
+        self.precision = precision
+        self.least = self._cost(np.zeros(flights[0].inputs.shape[2] - 1))
 
     def lost_without(self, step: np.ndarray) -> float:
         """Returns the log-likelihood that is lost without a step (m,) [nats].
 
         The mean of both signs: the noise that the flights have falls out.
         """
-        lost = -self.least
-        for sign in (-1.0, 1.0):
-            moved = [flight.combined(sign * step) for flight in self.flights]
-            lost += 0.5 * fit_scales(moved, self.scales, iterations=_ITERATIONS).cost
-        return lost
+        return 0.5 * (self._cost(step) + self._cost(-step)) - self.least
+
+    def _cost(self, step: np.ndarray) -> float:
+        """Returns the cost of the flights moved by a step, all else fitted [nats]."""
+        fitted = self.fitted
+        moved = step.copy()
+        scales = self.scales
+        for _ in range(_ROUNDS if fitted else 1):
+            flights = [flight.combined(moved) for flight in self.flights]
+            scales, cost, _ = fit_scales(flights, scales, iterations=_ITERATIONS)
+            if fitted:
+                gram = grams_of(self.flights, scales).sum(axis=0)
+                inner = gram[np.ix_(fitted, fitted)] + np.diag(self.precision)
+                missed = gram[fitted, -1] - gram[fitted, :-1] @ step
+                moved = step.copy()
+                moved[fitted] += np.linalg.solve(inner, missed)
+        change = moved[fitted] - step[fitted]
+        flights = [flight.combined(moved) for flight in self.flights]
+        cost = float(negative_log_likelihood(flights, scales).sum())
+        return cost + 0.5 * float(change @ (self.precision * change))
 
 
 def _root_of(gram: np.ndarray) -> np.ndarray:
