@@ -10,6 +10,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from rich.console import Console
 
 from glider.experiments.rehearsal import VISIBLE, Rehearsal, Rehearsed
@@ -122,7 +123,7 @@ def draw_rehearsal(rehearsal: Rehearsal, form: str = "png") -> bytes:
             _draw_curve(axes, own)
         for axes in panels.flat[len(effects) :]:
             axes.remove()
-        figure.supylabel("share of campaigns that name the effect [%]")
+        figure.supylabel("power [%]", fontsize=10)
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
     return buffer.getvalue()
@@ -135,6 +136,8 @@ def _draw_curve(axes: Any, own: Rehearsed) -> None:
     axes.axvline(own.size, color=ORANGE, ls="--", lw=1.2)
     if np.isfinite(own.visible):
         axes.axhline(100.0 * VISIBLE, color="#8A8A8A", lw=0.9, ls=":")
+    axes.xaxis.set_major_locator(LogLocator(numticks=4))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set(ylim=(-4.0, 104.0), title=own.kind)
     axes.set_xlabel(f"{own.coefficient.name} [{own.coefficient.unit}]")
     axes.title.set_fontsize(9)
