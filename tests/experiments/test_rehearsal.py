@@ -7,11 +7,18 @@ from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
 from glider.experiments.explanations import Findings, explain
 from glider.experiments.proposal import read_task
-from glider.experiments.rehearsal import Rehearser, _first_above, _root_of, rehearse
+from glider.experiments.rehearsal import (
+    Rehearser,
+    Strengths,
+    _first_above,
+    _root_of,
+    rehearse,
+)
 from glider.physics.effects import WIND
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.likelihood.scales import FLOOR
+from glider.sysid.result import UNEXPLAINED
 
 WINDY = GliderModel(effects=(WIND(x=-0.5),))
 FINDINGS = Findings(models=(WINDY,))
@@ -40,6 +47,24 @@ def test_a_large_effect_is_named_and_a_small_one_is_not(rehearser):
     assert small.power < 0.2
     assert small.visible == pytest.approx(large.visible, rel=0.2)
     assert np.all(np.diff(large.curve[:, 0]) > 0.0)
+
+
+def test_an_effect_that_may_as_well_be_none_has_no_name(rehearser):
+    large = rehearser.rehearsed("mass", 1.0)
+    change = rehearser.change_of(rehearser.column_of("mass"), 0.6 * large.visible)
+    answers = rehearser.outcomes(change)
+    assert answers[frozenset({UNEXPLAINED})] > 0
+
+
+def test_what_the_model_has_already_is_fitted(rehearser):
+    """No likelihood is lost of a change of its own coefficients, but by their prior."""
+    strengths = rehearser.strengths
+    [first, *_] = rehearser.candidates.variants["wind"][0]
+    step = np.zeros(rehearser.noise.shape[1])
+    step[first] = 0.05
+    alone = Strengths(strengths.flights, strengths.scales, (), np.zeros(0))
+    assert strengths.lost_without(step) < 0.1
+    assert alone.lost_without(step) > 10.0
 
 
 def test_few_campaigns_without_another_effect_name_one(rehearser):
