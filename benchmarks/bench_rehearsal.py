@@ -19,7 +19,7 @@ import numpy as np
 from glider.campaign.motion_capture import MotionCapture
 from glider.experiments.explanations import explain, findings_of
 from glider.experiments.proposal import read_task
-from glider.experiments.rehearsal import LIKELY, Rehearser
+from glider.experiments.rehearsal import Rehearser
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.pipeline import close_the_loop
@@ -54,8 +54,7 @@ def lines_of(number: int, effects: int, seed: int):
     """Yields what is predicted of effects in one campaign, and what was named."""
     rng = np.random.default_rng([seed, number])
     rehearser = rehearser_of(rng, number)
-    offered = [kind for kind in LIKELY if kind in rehearser.chosen(None)]
-    for kind in rng.permutation(offered)[:effects]:
+    for kind in rng.permutation(rehearser.chosen(None))[:effects]:
         usual = rehearser.rehearsed(kind, 1.0)
         size = usual.visible * rng.uniform(*BETWEEN)
         planted = rehearser.rehearsed(kind, size / usual.coefficient.scale)

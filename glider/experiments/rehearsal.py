@@ -57,20 +57,6 @@ from glider.sysid.replay.replayed import signals, states_at_rest
 from glider.sysid.result import UNEXPLAINED, Result
 from glider.sysid.search.subsets import Members, Scorer, climb, near_sets, scorer_of
 
-LIKELY = (
-    "servo_lag",
-    "wind",
-    "elevator_trim",
-    "wing_incidence",
-    "center_of_pressure",
-    "downwash",
-    "attached_lift",
-    "profile_drag",
-    "pitch_damping",
-    "mass",
-)
-"""Effects that gliders most often have, which are rehearsed by default."""
-
 VISIBLE = 0.95
 """Power at which an effect is visible."""
 
@@ -139,7 +125,7 @@ def rehearse(
     Args:
         campaign: the folder of its flights, or the campaign in memory.
         findings: of an analysis of it; by default it is analysed.
-        effects: to plant; by default LIKELY, without those of the model.
+        effects: to plant; by default those that gliders often have beside the model's.
         size: to plant them in, in typical sizes of the library.
         flies: whether each is also flown and traced once.
         seed: of what is drawn.
@@ -224,7 +210,8 @@ class Rehearser:
         known = self.model.kinds
         offered = [kind for kind in self.candidates.variants if kind not in known]
         if effects is None:
-            return [kind for kind in LIKELY if kind in offered]
+            kinds = self.reading.task.space.kinds
+            return [kind for kind in offered if kinds[kind].is_likely]
         for kind in effects:
             if kind not in offered:
                 has = f" (its model has {', '.join(known)})" if known else ""

@@ -222,6 +222,8 @@ class EffectKind:
     unknown_without: tuple[str, float] | None = None
     #: Whether every glider has it, as no wing's lift is exactly a flat plate's.
     is_common: bool = False
+    #: Whether gliders often have it: it is rehearsed unless others are asked for.
+    is_likely: bool = False
     #: Whether it is tried last: it is rare, and to first order imitates many effects.
     is_rare: bool = False
     #: The scale of noise by which the coefficients vary from flight to flight, or none.

@@ -91,6 +91,7 @@ WIND = EffectKind(
     depends_on=("V", "alpha"),
     needs=("mass", "wing_area"),  # All flights share one like their camber and drag.
     varies_by="wind",
+    is_likely=True,
 )
 """Steady wind: the air moves with velocity w = (x, z) in the world, so that the
 velocity through the air is v - w."""
@@ -118,6 +119,7 @@ WING_INCIDENCE = EffectKind(
     formula=constant,
     words="a wing set at an angle to the body axis (positive nose down)",
     depends_on=("alpha", "V"),
+    is_likely=True,
 )
 """Wing incidence: the wing's plate lies at pitch + angle."""
 
@@ -132,6 +134,7 @@ ELEVATOR_TRIM = EffectKind(
     needs=("servo",),
     unknown_without=("elevator_angle", 0.09),
     varies_by="trim",
+    is_likely=True,
 )
 """Elevator trim: the elevator's plate lies at pitch + elevator + angle."""
 
@@ -191,6 +194,7 @@ CENTER_OF_PRESSURE = EffectKind(
     depends_on=("alpha", "V"),
     like=("wing_offset",),
     families=("moment over alpha",),
+    is_likely=True,
 )
 """Center of pressure: l_w + shift + travel sin² α, ahead of the center of mass.
 
@@ -210,6 +214,7 @@ DOWNWASH = EffectKind(
     needs=("servo or elevator_area",),
     families=_STREAMS,
     bent_by=TAIL_LINKS,
+    is_likely=True,
 )
 """Downwash: at the tail the air moves down along the body's normal with
 gradient · V sin α cos α, in proportion to the plate's lift. For small α the

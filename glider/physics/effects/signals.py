@@ -111,6 +111,7 @@ SERVO_LAG = EffectKind(
     steady_state=_servo_lag_steady,
     pending=_servo_lag_pending,
     replay=_replay_lag,
+    is_likely=True,
 )
 """Servo lag: the elevator rate r follows the command u as τ ṙ = u - r. The angle
 then follows the integrated command with the same lag."""

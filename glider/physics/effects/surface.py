@@ -106,6 +106,7 @@ ATTACHED_LIFT = EffectKind(
     depends_on=("alpha", "V"),
     is_common=True,
     families=("lift over alpha",),
+    is_likely=True,
 )
 """Attached lift: C_n increases by slope · sin α below the stall angle.
 

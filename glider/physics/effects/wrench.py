@@ -77,6 +77,7 @@ PROFILE_DRAG = EffectKind(
     is_common=True,
     families=_DRAGS,
     bent_by=("drag", "axial force"),
+    is_likely=True,
 )
 """Profile drag: D = ½ ρ V² S_w cd0 against the velocity through the air."""
 
@@ -136,6 +137,7 @@ PITCH_DAMPING = EffectKind(
     needs=("pitch_inertia",),
     unknown_without=("pitch_inertia", 0.016),
     families=MOMENT_BY_RATE,
+    is_likely=True,
 )
 """Pitch damping: M = -½ ρ V S_w · coefficient · pitch rate. No chord is given, so the
 coefficient has the unit m²."""
@@ -176,6 +178,7 @@ MASS = EffectKind(
     depends_on=("V", "alpha"),
     needs=("mass", "wing_area"),
     like=("mass",),
+    is_likely=True,
 )
 """Mass: (1 + change) times the nominal mass, in both inertia and weight."""
 
