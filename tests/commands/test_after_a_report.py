@@ -76,7 +76,8 @@ def reported(request, tmp_path_factory):
 def is_warned_of(reported: Reported, said: str) -> bool:
     """Whether a command says that the model of the report is not trusted."""
     told = f"warning: {reported.folder / 'model.yaml'}: the verdict"
-    return told in said and 'is "not trusted": Too much is left to chance' in said
+    why = "Too much is left to chance"
+    return told in said and 'is "not trusted": ' in said and why in said
 
 
 def test_next_throw_proposes(reported, tmp_path, capsys, monkeypatch):
