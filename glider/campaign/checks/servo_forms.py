@@ -39,6 +39,9 @@ _MOST_TRIES = 40  # Of a fit, which may have numbers that show nothing.
 _DIFFERENCE = 1e-3  # Relative step of slopes.
 _AROUND = 3  # Periods on each side of a command that show whether it was lost.
 _FINER = 21  # Steps between two that were tried.
+# Noise of measured angles, of which computed ones have none [rad] (c): finer steps are
+# not searched for.
+_LEAST_NOISE = 5e-4
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -276,7 +279,7 @@ def least_step(plain: Fit) -> float:
     """Step of commands whose errors of rounding add up to noise in a flight [rad/s]."""
     tape = plain.elevators[0].tape
     period = float(np.median(np.diff(tape.switches)))
-    noise = plain.departures.noise
+    noise = max(plain.departures.noise, _LEAST_NOISE)
     return noise / (period * math.sqrt(len(tape.commands) / 12.0))
 
 

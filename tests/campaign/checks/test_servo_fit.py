@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from glider.campaign.checks.servo import (
     measure_elevators,
 )
 from glider.campaign.checks.servo_fit import identify_servo
-from glider.campaign.checks.servo_forms import with_loads
+from glider.campaign.checks.servo_forms import least_step, with_loads
 from glider.compiled.actuators import elevator_path
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import Servo
@@ -313,3 +314,12 @@ def test_a_verdict_tells_first_of_a_servo_that_differs(campaign):
     result = close_the_loop(told, effects=["profile_drag"])
     [words] = [words for words in result.log_findings if "The servo" in words]
     assert result.reason.startswith(words)
+
+
+def test_of_angles_without_noise_few_steps_of_rounding_are_tried():
+    """As of computed ones: there were more steps than memory."""
+    tape = SimpleNamespace(switches=0.02 * np.arange(43), commands=np.ones(43))
+    plain = SimpleNamespace(
+        elevators=[SimpleNamespace(tape=tape)], departures=SimpleNamespace(noise=0.0)
+    )
+    assert least_step(plain) > 0.01
