@@ -104,7 +104,9 @@ def limits_of(
         correlations=std[:, None] * known[np.ix_(shows, shows)] * std,
         kinds=np.array([candidates[j].kind for j in shows]),
     )
-    strengths = Strengths(flights, model.scales)
+    strengths = Strengths(
+        flights, model.scales, (), np.zeros(0)
+    )  # Steps have all else.
     found = []
     for place, j in enumerate(shows):
         direction = candidates[j]

@@ -13,9 +13,8 @@ by changes δ of its coefficients, another campaign like this one has the errors
 from which the tracer's own search decides (`glider.sysid.search.subsets`). The tracer
 estimates the strengths of the noise as well, and part of an effect passes for noise: δ
 is reduced to the change that, of known strengths, loses as much likelihood, less what
-fits do not realize of it. Last, each
-effect is planted once in the equations of motion, all flights are flown again, and the
-campaign is traced as a whole.
+fits do not realize of it. Last, each effect is planted once in the equations of motion,
+all flights are flown again, and the campaign is traced as a whole.
 """
 
 import dataclasses
@@ -398,7 +397,7 @@ class Strengths:
         scales = self.scales
         for _ in range(_ROUNDS if fitted else 1):
             flights = [flight.combined(moved) for flight in self.flights]
-            scales, cost, _ = fit_scales(flights, scales, iterations=_ITERATIONS)
+            scales = fit_scales(flights, scales, iterations=_ITERATIONS).scales
             if fitted:
                 gram = grams_of(self.flights, scales).sum(axis=0)
                 inner = gram[np.ix_(fitted, fitted)] + np.diag(self.precision)
