@@ -17,7 +17,6 @@ from benchmarks.peers.pairs import time_pair
 
 PEERS = {
     "drake": "drake_planning",
-    "casadi": "casadi_planning",
     "pytorch-mppi": "torch_mppi",
     "filterpy": "filterpy_ekf",
     "pysindy": "sindy_regression",

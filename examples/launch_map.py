@@ -1,8 +1,8 @@
 """Which launches can perch at all?
 
 The article's glider is launched 3.5 m before the wire, anywhere within 0.8 m of its
-height, with 4.5 to 9.5 m/s, the nose up or down by up to 0.4 rad. For each launch our
-own solver looks for a plan that keeps all limits. All processors work on it.
+height, with 4.5 to 9.5 m/s, the nose up or down by up to 0.4 rad. For each launch
+Drake's solver looks for a plan that keeps all limits. All processors work on it.
 
     python examples/launch_map.py --figure map.png
     python examples/launch_map.py --launches 500
@@ -31,7 +31,7 @@ AXES = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Plans from each launch, and draws the share that has a plan."""
     parser = program.make_parser(__doc__)
-    program.add_launches(parser, 10_000)
+    program.add_launches(parser, 2_000)
     parser.add_path("--figure", "FILE", "the map")
     parser.add_cluster()
     args = parser.parse_args(arguments)

@@ -22,11 +22,10 @@ if TYPE_CHECKING:
     from glider.estimation.perching import perching_filter
     from glider.physics.model import GliderModel
     from glider.physics.parameters import GliderParameters
-    from glider.planning.dircol import plan
+    from glider.planning.dircol import can_perch, plan
     from glider.planning.plan import Plan
     from glider.planning.problem import PerchingProblem
     from glider.planning.program import perching_program
-    from glider.planning.structured import can_perch
     from glider.report.folder import write_report
     from glider.report.terminal import print_summary
     from glider.simulation.campaigns import CampaignPlan

@@ -9,14 +9,27 @@ import dataclasses
 import numpy as np
 
 from benchmarks.peers.pairs import Pair
-from glider.compiled.collocation import rates_along
+from glider.compiled.kernel import Family
 from glider.paths import models_path
+from glider.physics.chain import derivatives
 from glider.physics.model import GliderModel
 from glider.physics.parameters import load_parameters
 from glider.planning.problem import PerchingProblem
 from glider.planning.sampling import MppiSettings, SequenceCost, mppi_step
 
 ITERATIONS = 100
+
+
+def rates_at(points, theta, rates):
+    """Writes the derivatives (P, n) at points (P, n + 1) of states and command."""
+    for k in range(len(points)):
+        state, command = points[k, :-1], points[k, -1]
+        d = derivatives(0.0, state, command, 0.0, 0.0, theta)
+        for i in range(len(d)):
+            rates[k, i] = d[i]
+
+
+LOOPS = Family((rates_at,), (rates_at,))
 
 
 def pairs() -> tuple[Pair, ...]:
@@ -29,13 +42,16 @@ def pairs() -> tuple[Pair, ...]:
     problem = PerchingProblem.load(models_path("problems", "sampling.yaml"))
     model, launch = GliderModel(parameters=heavy), np.array(problem.launch)
     cost = SequenceCost(model, problem)
+    loops = LOOPS.over(model.kinds)
     start, settings = (
         torch.tensor(launch),
         MppiSettings(temperature=0.1, deviation=1.0, likelihood_ratio=True),
     )
 
     def step(state, u):
-        rates = rates_along(model, np.hstack([state.numpy(), u.numpy()]))
+        points = np.hstack([state.numpy(), u.numpy()])
+        rates = np.empty(state.shape)
+        loops.rates_at(points, model.numbers, rates)
         return state + cost.step * torch.from_numpy(rates)
 
     def running_cost(state, u):

@@ -9,8 +9,6 @@ runge_kutta: the step that all loops share. jacobian: exact slopes. flight: the 
 that flies gliders, under tapes and under feedback. replay: flights along a log, with
 slopes. warm_up: compiles these in advance. actuators: an elevator behind actuators.
 ekf, riccati, sequence_costs: the loops of the filter, the feedback and the sampling
-planners. collocation: a glider along a collocated path. stages,
-interior_point: the solver of direct collocation, compiled once for all gliders. taylor:
-series of functions, and Taylor models on many boxes. boxes: polynomials on boxes in a
-ball.
+planners. taylor: series of functions, and Taylor models on many boxes. boxes:
+polynomials on boxes in a ball.
 """

@@ -1,10 +1,9 @@
 """What a perching problem demands of a flight, as data.
 
 `constraints_of` is the one place that spells out the limits of a problem and of a
-servo. Drake's program (`glider.planning.program`), our own solver
-(`glider.planning.structured`), the verdict on their paths (`find_violations`) and the
-check that a funnel is the intended one (`glider.verification.proof.purpose`) read them
-from here.
+servo. Drake's program (`glider.planning.program`), the controller that plans again
+(`glider.control.mpc`), the verdict on a path (`find_violations`) and the check that a
+funnel is the intended one (`glider.verification.proof.purpose`) read them from here.
 """
 
 import dataclasses
@@ -144,7 +143,7 @@ def find_violations(constraints: Constraints, path: Path) -> list[Violation]:
     bounded += [(bound, knots[-1, bound.state]) for bound in constraints.arrival]
     bounded += [(constraints.command, path.inputs), (constraints.duration, length)]
     rows = [(bound.name, bound.excess(values), bound.unit) for bound, values in bounded]
-    defects = path.defects.max(axis=0)
+    defects = np.abs(path.defects).max(axis=0)
     units = _UNITS + ("",) * (len(defects) - len(_UNITS))
     for name, amount, unit in zip(path.model.state_names, defects, units, strict=True):
         rows.append((f"dynamics of {name}", float(amount), unit))

@@ -1,10 +1,7 @@
-"""Plans a perch by direct collocation: first on few knots, then on more.
-
-Our own solver takes the meshes one by one. Where it does not get there, Drake's
-DirectCollocation is solved once. The plan records what was tried.
-"""
+"""Plans a perch by Drake's direct collocation: first on few knots, then on more."""
 
 import contextlib
+import dataclasses
 import logging
 import time
 from collections.abc import Iterator, Sequence
@@ -13,40 +10,30 @@ from pathlib import Path as FilePath
 import numpy as np
 from pydrake.solvers import MathematicalProgramResult, SnoptSolver, SolverOptions
 
-from glider.compiled.kernel import UncompilableError
 from glider.errors import expect
 from glider.physics.flown_range import warn_beyond
 from glider.physics.model import GliderModel, as_model
-from glider.planning.constraints import (
-    Violation,
-    check_plannable,
-    constraints_of,
-    find_violations,
-)
+from glider.planning.constraints import Violation, constraints_of, find_violations
 from glider.planning.guess import Guess, straight_line
 from glider.planning.path import Path
 from glider.planning.plan import Attempt, Plan
 from glider.planning.problem import PerchingProblem
 from glider.planning.program import perching_program
-from glider.planning.structured import (
-    COARSE_TOLERANCE,
-    CollocatedFlight,
-    slow_line,
-    solve_from_guess,
-    to_guess,
-)
 from glider.progress import Progress, silent
 
 _TOLERANCE = 1e-6
-"""Tolerance of constraints and optimality, as the solvers scale them."""
+"""Tolerance of constraints and optimality, as the solver scales them."""
 
 _KEPT = 1e-4
-"""Amount by which a plan of Drake's may violate a constraint [SI]: solvers scale what
-they test, so a solver's own verdict is not enough."""
+"""Amount by which a plan may violate a constraint [SI]: SNOPT scales what it tests, so
+its own verdict is not enough."""
 
 _ELASTIC_WEIGHT = 100.0
 """Weight of SNOPT's infeasibilities against the cost. Its own default, 1e4, makes five
 times as many iterations of this problem."""
+
+_FEW = 25
+"""Knots that show whether there is a plan."""
 
 
 class PlanningError(RuntimeError):
@@ -102,49 +89,45 @@ def plan(
     expect(good, "plan: 'knots'", knots, expected)
     model = as_model(model)
     problem = PerchingProblem() if problem is None else problem
-    check_plannable(model, problem)
-    constraints = constraints_of(problem, model.parameters.servo)
     attempts: list[Attempt] = []
     reached: list[list[Violation]] = []
-    start: Guess | CollocatedFlight = slow_line(model, problem)
-    finest = listed[-1]
-    compiles = True
-    try:
-        for count in listed:
-            progress(f"{count} knots, interior point, from {start.name}")
-            tolerance = _TOLERANCE if count == finest else COARSE_TOLERANCE
-            flight = solve_from_guess(model, problem, count, start, tolerance)
-            attempts.append(_describe_own(flight, start.name, tolerance))
-            if flight.solved:
-                start = flight
-        path = Path(model, flight.times, flight.knots[:, :-1], flight.knots[:, -1])
-        if flight.solved:
-            return _make_plan(path, flight.cost, attempts)
-        reached.append(find_violations(constraints, path))
-    except UncompilableError:
-        compiles = False
-    if isinstance(start, CollocatedFlight):
-        start = to_guess(start)
-    else:
-        start = straight_line(model, problem)
-    progress(f"{finest} knots, SNOPT, from {start.name}")
-    path, cost, attempt = _solve_with_drake(model, problem, finest, start, compiles)
-    attempts.append(attempt)
-    if attempt.solved:
-        return _make_plan(path, cost, attempts)
-    reached.append(find_violations(constraints, path))
-    best = min(reached, key=lambda found: found[0].amount if found else 0.0)
-    raise PlanningError(tuple(attempts), best)
+    start = None
+    for count in listed:
+        start = start or straight_line(model, problem)
+        progress(f"{count} knots, from {start.name}")
+        found, violations = _solve(model, problem, count, start)
+        attempts += found.attempts
+        reached.append(violations)
+        if found.attempts[-1].solved:
+            start = Guess(
+                name="the plan on fewer knots",
+                states=found.state_trajectory,
+                inputs=found.input_trajectory,
+            )
+    if not attempts[-1].solved:
+        best = min(reached, key=lambda found: found[0].amount if found else 0.0)
+        raise PlanningError(tuple(attempts), best)
+    warn_beyond("The plan", model, found.times, found.states, found.inputs)
+    return dataclasses.replace(found, attempts=tuple(attempts))
 
 
-def _solve_with_drake(
-    model: GliderModel,
-    problem: PerchingProblem,
-    knots: int,
-    start: Guess,
-    compiles: bool,
-) -> tuple[Path, float, Attempt]:
-    """Solves Drake's program once; returns path, cost and what was tried."""
+def can_perch(
+    model: GliderModel, problem: PerchingProblem, launch: Sequence[float]
+) -> bool:
+    """Determines whether `plan` finds a plan from a launch (7,) to the wire.
+
+    Raises:
+        InputError: the launch is no state, or outside the problem's limits.
+    """
+    own = dataclasses.replace(problem, launch=list(launch))
+    found, _ = _solve(model, own, _FEW, straight_line(model, own))
+    return found.attempts[-1].solved
+
+
+def _solve(
+    model: GliderModel, problem: PerchingProblem, knots: int, start: Guess
+) -> tuple[Plan, list[Violation]]:
+    """Solves Drake's program once; returns the path found and what it violates."""
     begin = time.perf_counter()
     dc = perching_program(model, problem, knots)
     dc.SetInitialTrajectory(start.inputs, start.states)
@@ -153,7 +136,7 @@ def _solve_with_drake(
     times = dc.GetSampleTimes(result)
     states = dc.GetStateSamples(result).T
     inputs = dc.GetInputSamples(result)[0]
-    path = Path(model, times - times[0], states, inputs, fast=compiles)
+    path = Path(model, times - times[0], states, inputs)
     constraints = constraints_of(problem, model.parameters.servo)
     violations = find_violations(constraints, path)
     worst = violations[0].amount if violations else 0.0
@@ -166,19 +149,16 @@ def _solve_with_drake(
         status=_status(result),
         seconds=time.perf_counter() - begin,
     )
-    return path, result.get_optimal_cost(), attempt
-
-
-def _describe_own(flight: CollocatedFlight, guess: str, tolerance: float) -> Attempt:
-    return Attempt(
-        knots=len(flight.knots),
-        solver="interior point",
-        guess=guess,
-        tolerance=tolerance,
-        solved=flight.solved,
-        status=flight.status,
-        seconds=flight.seconds,
+    found = Plan(
+        times=path.times,
+        states=states.copy(),
+        slopes=path.slopes,
+        inputs=inputs.copy(),
+        state_names=model.state_names,
+        cost=result.get_optimal_cost(),
+        attempts=(attempt,),
     )
+    return found, violations
 
 
 @contextlib.contextmanager
@@ -206,16 +186,3 @@ def _options() -> SolverOptions:
 def _status(result: MathematicalProgramResult) -> str:
     code = result.get_solver_details().info
     return f"{result.get_solution_result().name.lstrip('k')} ({code})"
-
-
-def _make_plan(path: Path, cost: float, attempts: list[Attempt]) -> Plan:
-    warn_beyond("The plan", path.model, path.times, path.states, path.inputs)
-    return Plan(
-        times=path.times,
-        states=path.states.copy(),
-        slopes=path.slopes,
-        inputs=path.inputs.copy(),
-        state_names=path.model.state_names,
-        cost=cost,
-        attempts=tuple(attempts),
-    )

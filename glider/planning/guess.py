@@ -18,19 +18,13 @@ class Guess:
     inputs: PiecewisePolynomial
 
 
-def straight_line(
-    model: GliderModel, problem: PerchingProblem, duration: float | None = None
-) -> Guess:
-    """Straight lines from launch to goal with the elevator at rest.
-
-    `duration` is in seconds; by default the speed is 5/8 of the launch speed.
-    """
+def straight_line(model: GliderModel, problem: PerchingProblem) -> Guess:
+    """Straight lines from launch to goal at 5/8 of the speed, the elevator at rest."""
     launch = model.initial_state(problem.launch)
     goal = model.initial_state(problem.goal)
-    if duration is None:
-        x, z = np.subtract(problem.wire, problem.launch[:2])
-        xdot, zdot = problem.launch[4:6]
-        duration = 1.6 * np.hypot(x, z) / np.hypot(xdot, zdot)
+    x, z = np.subtract(problem.wire, problem.launch[:2])
+    xdot, zdot = problem.launch[4:6]
+    duration = 1.6 * np.hypot(x, z) / np.hypot(xdot, zdot)
     low, high = problem.duration_limits
     ends = [0.0, float(np.clip(duration, low, high))]
     return Guess(

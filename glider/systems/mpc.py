@@ -1,4 +1,4 @@
-"""Model-predictive control by direct collocation as a Drake System."""
+"""Model-predictive control, a new plan at each command, as a Drake System."""
 
 from collections.abc import Callable
 
@@ -38,6 +38,7 @@ class ModelPredictiveController(LeafSystem):
 
     Raises:
         InputError: the glider or the problem cannot be planned for.
+        PlanningError: there is no plan from the problem's launch.
     """
 
     def __init__(

@@ -4,21 +4,22 @@ import dataclasses
 
 import numpy as np
 import pytest
+from pydrake.planning import DirectCollocation
+from pydrake.solvers import SnoptSolver
 from pydrake.systems.analysis import Simulator
 
 from diagrams.loops import closed_loop
 from diagrams.simulate import simulate_flights
-from glider.control import mpc
 from glider.control.mpc import _LAST, Replanner
 from glider.errors import InputError
 from glider.paths import models_path
 from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
-from glider.planning import structured
-from glider.planning.guess import straight_line
+from glider.physics.parameters import GliderParameters
+from glider.planning.dircol import PlanningError
 from glider.planning.problem import PerchingProblem
-from glider.planning.structured import make_program, solve_structured
 from glider.systems.mpc import ModelPredictiveController
+from glider.systems.plant import GliderPlant
 from tests.helpers.flights import LAGGING, NOMINAL, PROBLEM
 
 REPLANNING = PerchingProblem.load(models_path("problems", "replanning.yaml"))
@@ -71,17 +72,13 @@ def test_commands_are_held_between_plans():
     assert known.begin == pytest.approx(0.04)
 
 
-def test_a_plan_that_fails_leaves_the_last_one(monkeypatch):
+def test_a_plan_that_fails_leaves_the_last_one():
     system = controller()
     expected = system.CreateDefaultContext().get_abstract_state(0).get_value()
-    whole = mpc.solve_structured
-
-    def fail(*args, **options):
-        return dataclasses.replace(whole(*args, **options), solved=False)
-
-    monkeypatch.setattr(mpc, "solve_structured", fail)
-    known, command, timing = state_and_outputs(system, LAUNCH, 0.09)
-    np.testing.assert_array_equal(known.flight.knots, expected.flight.knots)
+    too_low = LAUNCH.copy()
+    too_low[1] = 2.0 * REPLANNING.z_limits[0]
+    known, command, timing = state_and_outputs(system, too_low, 0.09)
+    np.testing.assert_array_equal(known.flight.states, expected.flight.states)
     assert known.begin == 0.0
     assert command == expected.command(0.08, 0.02)
     assert timing[0] == timing[1] == 5
@@ -109,40 +106,50 @@ def test_a_flight_at_any_time_is_planned_for(begin):
     assert timing[0] == 3 and counts[0] == ticks
     if ticks == 3:
         assert again == pytest.approx(command, rel=1e-6)
-        np.testing.assert_allclose(later.flight.knots, known.flight.knots, atol=1e-6)
+        np.testing.assert_allclose(later.flight.states, known.flight.states, atol=1e-6)
 
 
 def test_a_flight_may_begin_farther_along_the_plan():
     system = controller()
     first = system.CreateDefaultContext().get_abstract_state(0).get_value().flight
     k = len(first.times) // 4
-    known, *_ = state_and_outputs(system, first.knots[k, :7], 5.001, begin=5.0)
+    known, *_ = state_and_outputs(system, first.states[k], 5.001, begin=5.0)
     rest = first.times[-1] - first.times[k]
     assert known.flight.times[-1] == pytest.approx(rest, rel=0.1)
 
 
-def test_who_need_not_arrive_ends_where_it_is_cheapest():
-    """Held to that place, and with all bounds open, a flight is the same."""
+@pytest.mark.parametrize("model", [NOMINAL, LAGGING], ids=["flat", "lag"])
+def test_plans_from_one_state_end_at_the_minimum_of_drake_s_program(model):
+    """Of its direct collocation with the problem's cost and no place to arrive at."""
     problem = dataclasses.replace(REPLANNING, rate_cost=1.0)
-    guess = straight_line(NOMINAL, problem, 1.1)
-    free = solve_structured(NOMINAL, problem, 21, guess, arrive=False)
-    assert free.solved
-    assert np.all(free.optimum.pull == 0.0)
-    end = free.knots[-1]
-    held = dataclasses.replace(
-        problem, wire=end[:2].tolist(), final_pitch_limits=[-1.5, 1.5]
-    )
-    held = dataclasses.replace(held, final_speed_limit=5.0)
-    again = solve_structured(NOMINAL, held, 21, guess)
-    assert again.cost == pytest.approx(free.cost, rel=1e-6)
-    np.testing.assert_allclose(again.optimum.pull, 0.0, atol=1e-4)
-    assert 0.0 < np.hypot(*end[:2]) < 0.05
-    program = make_program(NOMINAL, problem, 5, arrive=False)
-    low = program.bounds[0, :-1].reshape(5, 8)
-    assert np.all(np.isinf(low[-1, [0, 1, 4, 5]])) and not program.is_held
+    state = model.initial_state(problem.launch)
+    state[:3] += [0.05, -0.03, 0.04]
+    replanner = Replanner(model, problem)
+    known = replanner.begin(replanner.plan_first(), 0.0, state)
+    for _ in range(8):
+        known = replanner.plan_again(known, known.begin, state)
+    assert known.failures == 0
+    found = known.flight
+    knots = len(found.times)
+    plant = GliderPlant(model)
+    context = plant.CreateDefaultContext()
+    dc = DirectCollocation(plant, context, knots, 0.5 / knots, 1.5 / knots)
+    dc.AddEqualTimeIntervalsConstraints()
+    dc.prog().AddBoundingBoxConstraint(state, state, dc.initial_state())
+    dc.AddRunningCost(problem.rate_cost * dc.input()[0] ** 2)
+    weights = np.diag(problem.goal_weights)
+    final = dc.final_state()[:7]
+    dc.prog().AddQuadraticErrorCost(weights, np.array(problem.goal), final)
+    dc.SetInitialTrajectory(found.input_trajectory, found.state_trajectory)
+    solver = SnoptSolver()
+    dc.prog().SetSolverOption(solver.id(), "Major optimality tolerance", 1e-4)
+    result = solver.Solve(dc.prog())
+    assert result.is_success()
+    assert found.cost == pytest.approx(result.get_optimal_cost(), rel=1e-6)
+    np.testing.assert_allclose(found.states, dc.GetStateSamples(result).T, atol=1e-3)
 
 
-def test_what_cannot_be_planned_for_is_refused(monkeypatch):
+def test_what_cannot_be_planned_for_is_refused():
     with pytest.raises(InputError, match="command rate is nan"):
         controller(command_rate=np.nan)
     gust = FreeFunction(
@@ -154,11 +161,6 @@ def test_what_cannot_be_planned_for_is_refused(monkeypatch):
     )
     with pytest.raises(InputError, match="depends on time"):
         controller(GliderModel(free_functions=(gust,)))
-    whole = structured.solve_structured
-    monkeypatch.setattr(
-        structured,
-        "solve_structured",
-        lambda *a, **k: whole(*a, **(k | {"iterations": 2})),
-    )
-    with pytest.raises(InputError, match="status is 'out of steps"):
-        controller()
+    unturned = GliderParameters(elevator_limits=[-0.9473, 0.4463])
+    with pytest.raises(PlanningError, match="violates"):
+        controller(GliderModel(parameters=unturned))
