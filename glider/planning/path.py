@@ -5,6 +5,7 @@ import functools
 import numpy as np
 
 from glider.compiled.jacobian import differentiate, stacked
+from glider.compiled.kernel import UncompilableError
 from glider.physics.model import GliderModel
 
 
@@ -31,6 +32,7 @@ class Path:
         self.times = times
         self.states = states
         self.inputs = inputs
+        self._is_fast = True  #: Until a formula does not compile.
         self.slopes = self._rates(self.knots)
 
     @functools.cached_property
@@ -71,10 +73,8 @@ class Path:
             UncompilableError: a formula is not of what numba compiles.
         """
         step = self.times[1]
-        at_knots, at_middles = (
-            np.array([self._differentiate(point) for point in points])
-            for points in (self.knots, self.middles)
-        )
+        at_knots = self._slopes(self.knots)
+        at_middles = self._slopes(self.middles)
         count, n, width = at_middles.shape
         half = 0.5 * np.eye(width)
         turned = np.zeros((count + 1, width, width))
@@ -89,20 +89,26 @@ class Path:
             [-states - step / 6.0 * first, states - step / 6.0 * last, by_step], axis=2
         )
 
-    def _differentiate(self, point: np.ndarray) -> np.ndarray:
-        """Returns ∂f/∂(x, u) (n, n + 1) at a point (n + 1,)."""
-        z = stacked(self.model)
-        z[: len(point)] = point
-        directions = np.eye(len(point), order="F")
-        return differentiate(self.model, 0.0, z, directions)[1]
+    def _slopes(self, points: np.ndarray) -> np.ndarray:
+        """Returns ∂f/∂(x, u) (P, n, n + 1) at points (P, n + 1)."""
+        directions = np.eye(points.shape[1], order="F")
+        return np.array([self._differentiate(at, directions)[1] for at in points])
 
     def _rates(self, points: np.ndarray) -> np.ndarray:
         """Returns f (P, n) at points (P, n + 1) of states and command."""
+        if self._is_fast:
+            try:
+                none = np.zeros((0, 0), order="F")
+                return np.array([self._differentiate(at, none)[0] for at in points])
+            except UncompilableError:
+                self._is_fast = False
         derivatives = self.model.chain.derivatives
         theta = self.model.numbers
         return np.array(
-            [
-                derivatives(0.0, point[:-1], point[-1], 0.0, 0.0, theta)
-                for point in points
-            ]
+            [derivatives(0.0, at[:-1], at[-1], 0.0, 0.0, theta) for at in points]
         )
+
+    def _differentiate(self, point, directions):
+        z = stacked(self.model)
+        z[: len(point)] = point
+        return differentiate(self.model, 0.0, z, directions)
