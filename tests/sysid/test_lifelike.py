@@ -29,7 +29,7 @@ NAMED = {
     },
     "other_stall": {
         "attached_lift": {"slope": 2.5},  # Its stall has another form.
-        "camber": {"zero_lift_angle": -0.03},
+        "camber": {},  # What it adds to such a stall is a free function.
         "profile_drag": {"cd0": 0.05},
         "induced_drag": {"k": 0.04},
     },

@@ -16,6 +16,7 @@ _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
 _LARGEST_STEP = 0.7  # Of a logarithm: a scale at most doubles.
 _LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
+_DIVERGED = 1e100  # Slope beyond which squares of errors are numbers no longer.
 
 # Prior of the logarithms. Flights in nearly still air do not determine the gusts' time:
 # its range is two standard deviations either way. The others have none.
@@ -69,6 +70,8 @@ def fit_scales(
     damping = 0.0
     is_given = curvature is not None  # Of another model, whose errors may be larger.
     value, slopes = _score(flights, logs)
+    if not np.all(np.abs(slopes) < _DIVERGED):
+        value = np.inf
     # Else there is none, or it diverges.
     begins = bool(flights and free) and np.isfinite(value)
     for _ in range(iterations + is_given if begins else 0):
