@@ -34,7 +34,7 @@ def test_intervals_of_coefficients_are_counted():
 
 
 def test_a_peer_that_nobody_knows_is_refused():
-    with pytest.raises(SystemExit, match="sindi is no peer; there are drake, casadi"):
+    with pytest.raises(SystemExit, match="sindi is no peer; there are drake, pytorch"):
         bench_peers.main(["sindi"])
 
 
