@@ -4,7 +4,7 @@ Three controllers with the same model fly the same launches, at 50 commands a se
 
     TVLQR   follows one plan by time-varying linear-quadratic feedback
     MPPI    draws 1024 command sequences from each measured state, and weighs them
-    MPC     plans again from each measured state by one quadratic program, in milliseconds
+    MPC     improves its plan from each measured state by one quadratic program
 
 The glider that flies (--truth) may have an effect that the model (--model, by default
 its nominal one) lacks. With --estimated the controllers get what a Kalman filter makes

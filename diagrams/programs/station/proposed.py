@@ -10,6 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from glider.compiled.flight import Steps, fly_batch, make_tape
 from glider.errors import InputError, expect
 from glider.files import schema
+from glider.physics.flown_range import warn_beyond
 from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, VELOCITY
 from glider.planning.plan import Plan
@@ -60,7 +61,10 @@ def load_launch(commands: Path) -> list[float]:
 
 
 def tape_plan(model: GliderModel, launch: list[float], commands: Path) -> Plan:
-    """The flight of a model under a file of commands, as a plan."""
+    """The flight of a model under a file of commands, as a plan.
+
+    Warns where it leaves what the model was traced on.
+    """
     begins, rates = load_commands(commands)
     count = math.ceil(begins[-1] / STEP)
     times = STEP * np.arange(count + 1)
@@ -69,6 +73,7 @@ def tape_plan(model: GliderModel, launch: list[float], commands: Path) -> Plan:
     tape = make_tape(inputs[None])
     start = model.initial_state(np.array(launch))[None]
     states = fly_batch(model, start, Steps(count, STEP), tape).states[0]
+    warn_beyond("The throw", model, times[:-1], states[:-1], inputs)
     return Plan(
         times=times,
         states=states,

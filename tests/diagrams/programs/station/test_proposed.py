@@ -1,14 +1,17 @@
 """A proposed throw, flown by the station from its file of commands."""
 
+import dataclasses
 import json
+import warnings
 
 import numpy as np
 import pytest
 
 from diagrams.programs.lab.folder import Watched
-from diagrams.programs.station.proposed import load_launch
+from diagrams.programs.station.proposed import load_launch, tape_plan
 from diagrams.programs.station.scenario import Simulation
 from diagrams.programs.station.throw_log import read_throw
+from glider import effects
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.model import GliderModel
@@ -89,3 +92,16 @@ def test_commands_without_a_launch_are_refused(tmp_path, commands):
     (tmp_path / "next_throw.json").unlink()
     with pytest.raises(InputError, match="not the throws of glider next-throw"):
         load_launch(commands)
+
+
+def test_a_throw_beyond_what_its_model_was_traced_on_warns(commands):
+    slow = GliderModel(
+        effects=(effects.PROFILE_DRAG(cd0=0.05),), flown={"V": (2.0, 5.0)}
+    )
+    launch = load_launch(commands)
+    with pytest.warns(UserWarning, match=r"The throw leaves .* V from .* 2 to 5\)"):
+        tape_plan(slow, launch, commands)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fast = dataclasses.replace(slow, flown={"V": (2.0, 8.0)})
+        tape_plan(fast, launch, commands)
