@@ -154,13 +154,11 @@ def _names_of(
 
     A formula has its own. Beside free functions it has none where it brings less than a
     share `SLIGHT` of the evidence, as functions leave errors of that size; or than a
-    share `EXPLAINED` of that of one that bends it. A free function has the name of a
-    formula at its link which, in its place and beside those with a name, explains a
-    share `EXPLAINED` of what the function gains; or `MOSTLY` where it bends one of
-    these, of which it is a part otherwise. Else it is unexplained.
+    share `EXPLAINED` of that of one that bends it. A free function has the name of the
+    formula that explains it best, if one does; or of the formula with a name that it
+    bends. Else it is unexplained.
     """
-    near = search.near(model) if model.free_kinds else None
-    if near is None:
+    if not model.free_kinds:
         return {kind: kind for kind in model.kinds}
     shown = []
     for kind in sorted(model.kinds, key=evidence.__getitem__, reverse=True):
@@ -174,24 +172,45 @@ def _names_of(
             shown.append(kind)
 
     names = {kind: kind for kind in shown if kind not in FAMILIES}
-    own = dict(near.by_first(model.kinds))
     slight = {*model.kinds} - FAMILIES.keys() - names.keys()
+    shaped = search.fit(model.without(search.task, *slight))
     for function in shown:
         if function not in FAMILIES:
             continue
-        rest = tuple((k, v) for k, v in own.items() if k not in {function, *slight})
-        base = near.gain(rest)
-        whole = near.gain((*rest, (function, own[function]))) - base
-        options = near.among(formulas_at(function)).larger(rest)
-        best = max(options, key=near.gain, default=rest)
         bent = FAMILIES[function].bends & names.keys()
-        share = MOSTLY if bent else EXPLAINED
-        if near.gain(best) - base > share * whole:
-            [*_, (names[function], _)] = best
-        else:
-            names[function] = max(bent, key=evidence.__getitem__, default=UNEXPLAINED)
+        formula = _explaining(search, shaped, function, MOSTLY if bent else EXPLAINED)
+        bent_most = max(bent, key=evidence.__getitem__, default=UNEXPLAINED)
+        names[function] = formula or bent_most
 
     return names
+
+
+def _explaining(
+    search: Search, model: FitResult, function: str, share: float
+) -> str | None:
+    """Returns the formula at a function's link that explains it best, None if none.
+
+    In the place of the function, everything refitted, it gains a share of what the
+    function does.
+    """
+    rest = search.fit_without(model, function)
+    near = search.near(rest)
+    if near is None:
+        return None
+    members = near.by_first(rest.kinds)
+    fits = {}
+    for kind in formulas_at(function):
+        options = near.among({kind}).larger(members)
+        if best := max(options, key=near.gain, default=None):
+            fits[kind] = search.fit(near.begin(best))
+
+    if not fits:
+        return None
+    formula = min(fits, key=lambda kind: search.penalized_cost(fits[kind]))
+    plain, named, free = (
+        own.cost + own.freedom for own in (rest, fits[formula], model)
+    )
+    return formula if plain - named > share * (plain - free) else None
 
 
 def _needed(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]]:
