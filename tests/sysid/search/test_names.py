@@ -14,39 +14,72 @@ WAKE = "tail's force over alpha"
 PAIR = "lift over alpha and reduced_rate"
 
 
+class FakeSearch:
+    """Fits of sets of kinds: what a function gains counts once, whatever it is by."""
+
+    task = None
+
+    def __init__(self, evidence, shares):
+        self._functions = FAMILIES.keys() & evidence.keys()
+        self._shares = shares
+
+    def fit(self, model):
+        members = set(model.kinds)
+        cost = 0.0
+        for function in self._functions:
+            by = [
+                100.0 * share
+                for (of, kind), share in self._shares.items()
+                if of == function and kind in members
+            ]
+            cost -= 100.0 if function in members else max(by, default=0.0)
+        return FakeModel(model.kinds, cost)
+
+    def fit_without(self, model, kind):
+        return self.fit(model.without(self.task, kind))
+
+    def penalized_cost(self, model):
+        return model.cost
+
+    def near(self, model):
+        kinds = [*model.kinds, *(kind for _, kind in self._shares)]
+        variants = {kind: ((j,),) for j, kind in enumerate(dict.fromkeys(kinds))}
+        scorer = Scorer(types.SimpleNamespace(variants=variants), Alike(), None)
+        scorer.begin = lambda members: FakeModel(tuple(kind for kind, _ in members))
+        return scorer
+
+
+class Alike:
+    """Evidence to first order, which does not tell variants apart."""
+
+    def extended(self, columns, more):
+        return [0.0 for _ in more]
+
+
+class FakeModel:
+    """A model that is nothing but its kinds and its cost."""
+
+    freedom = 0.0
+
+    def __init__(self, kinds, cost=0.0):
+        self.kinds = kinds
+        self.cost = cost
+
+    @property
+    def free_kinds(self):
+        return tuple(kind for kind in self.kinds if kind in FAMILIES)
+
+    def without(self, task, *gone):
+        return FakeModel(tuple(kind for kind in self.kinds if kind not in gone))
+
+
 def names(evidence, shares=()):
     """Returns the names of effects by their evidence.
 
     `shares` are those of a free function, which gains 100, that formulas explain.
     """
-    kinds = [*evidence, *(kind for _, kind in dict(shares) if kind not in evidence)]
-    columns = {kind: j for j, kind in enumerate(kinds)}
-
-    class Gains:
-        """Evidence of sets: what functions gain counts once."""
-
-        def extended(self, columns_of_set, more):
-            return [self.gain([*columns_of_set, *own]) for own in more]
-
-        def gain(self, found):
-            members = {kinds[j] for j in found}
-            total = 0.0
-            for function in FAMILIES.keys() & evidence.keys():
-                by = [
-                    100.0 * own
-                    for (of, kind), own in dict(shares).items()
-                    if of == function and kind in members
-                ]
-                total += 100.0 if function in members else max(by, default=0.0)
-            return total
-
-    variants = {kind: ((j,),) for kind, j in columns.items()}
-    candidates = types.SimpleNamespace(variants=variants)
-    near = Scorer(candidates, Gains(), lambda kind, kinds: 0.0)
-    search = types.SimpleNamespace(near=lambda model: near)
-    functions = tuple(kind for kind in evidence if kind in FAMILIES)
-    model = types.SimpleNamespace(kinds=tuple(evidence), free_kinds=functions)
-    return _names_of(search, model, evidence)
+    search = FakeSearch(evidence, dict(shares))
+    return _names_of(search, search.fit(FakeModel(tuple(evidence))), evidence)
 
 
 def test_formulas_have_their_own_names():
@@ -101,3 +134,8 @@ def test_formulas_at_a_link_may_explain_functions_of_more_variables():
     assert of_lift < formulas_at(PAIR) >= {"pitch_rate_lift", "dynamic_stall"}
     assert "dynamic_stall" not in of_lift
     assert formulas_at("drag over V") == set()
+
+
+def test_of_several_formulas_the_one_that_explains_most_is_the_name():
+    shares = {(LIFT, "camber"): 0.2, (LIFT, "attached_lift"): 0.6}
+    assert names({LIFT: 1500.0}, shares) == {LIFT: "attached_lift"}
