@@ -16,7 +16,7 @@ from glider.campaign.flights import with_flights
 from glider.campaign.importing.advice import ORDERS, advise
 from glider.campaign.importing.clock_offset import join_clocks
 from glider.campaign.importing.cutting import cut
-from glider.campaign.importing.frame_posterior import rank_orders
+from glider.campaign.importing.frame_posterior import fly_all, judge
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import align_commands, make_servo, widen
@@ -192,15 +192,16 @@ def _check_order(recordings: Sequence[Recording], claim: Mapping) -> list[str]:
     own = claim.frame.rotation or ("ZYX" if "roll" in claim.columns else None)
     if own not in ORDERS:
         return []
-    orders = [own, *(order for order in ORDERS if order != own)]
-    frames = [dataclasses.replace(claim.frame, rotation=order) for order in orders]
-    claims = [dataclasses.replace(claim, frame=frame) for frame in frames]
     logs = [part for r in recordings for part in split_flights(r, claim.columns)]
-    scores = rank_orders(logs, claims)
-    best = int(np.argmax(scores))
-    odds = scores[best] - scores[0]
+    scores = {}
+    for order in ORDERS:
+        frame = dataclasses.replace(claim.frame, rotation=order)
+        flights = fly_all(logs, dataclasses.replace(claim, frame=frame))
+        scores[order] = judge(flights) if flights else 0.0
+    best = max(scores, key=lambda order: scores[order])
+    odds = scores[best] - scores[own]
     words = (
-        f"frame: rotation: with {orders[best]} in place of {own} forces and the "
+        f"frame: rotation: with {best} in place of {own} forces and the "
         f"direction of flight are {np.exp(min(odds, 99.0)):.3g} times as likely"
     )
     if odds > _CLEARLY:

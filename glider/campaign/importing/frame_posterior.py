@@ -17,7 +17,7 @@ wrong).
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,30 +26,19 @@ from scipy.special import softmax
 from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.track import (
-    Track,
-    make_track,
-    planar_rotation,
-    take,
-    turn_along,
-)
+from glider.campaign.importing.track import make_track, planar_rotation, turn_along
 from glider.campaign.settings import AXES, Mapping, unit_vector
 from glider.physics.parameters import GliderParameters
 
 _Fields = dict[str, str]  # Fields of `frame:`.
-_Flight = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""At k rows, in the axes of the body as they are logged: flow |v| v and acceleration
-without gravity, (k, 3) each, and the direction that is up (k, 3)."""
 
 
-class _Flown(NamedTuple):
-    """Flights that frames are judged by, in the axes of the body as they are logged."""
+class _Flight(NamedTuple):
+    """k rows of a flight, in the axes of the body as they are logged."""
 
-    flights: int  #: Their number.
-    flow: np.ndarray  #: (k, 3) of all rows.
-    force: np.ndarray  #: (k, 3)
-    path: np.ndarray  #: (3,) mean direction of flight.
-    above: np.ndarray  #: (3,) mean of the direction that is up.
+    flow: np.ndarray  #: (k, 3) |v| v [m²/s²].
+    force: np.ndarray  #: (k, 3) acceleration without gravity [m/s²].
+    above: np.ndarray  #: (k, 3) direction that is up.
 
 
 _GRAVITY = GliderParameters().gravity
@@ -63,7 +52,6 @@ gliders have a normal force of 0.5 to 1.4, an axial one of 0.06, a camber of 0.1
 _NOISE = 1.0  # Of accelerations, in the weight of the prior [m/s²].
 _LEAST = 0.5  # Deviation of accelerations below which no frame is better [m/s²].
 _ANY = 10.0  # Deviation of accelerations in a hand or at a contact [m/s²].
-_FAST = 0.8  # Quantile of steps above which a body flies: not in a hand.
 _TOWARD = 3.0
 """Concentration (von Mises-Fisher) of mean paths at the nose and of the vertical at
 the top of the body: 40 degrees off are usual."""
@@ -71,9 +59,9 @@ _SIDEWAYS = 0.3  # Deviation of both toward the wing tips, where they are less o
 _STEP = 0.5 * SPAN  # Time between rows [s].
 _MEMORY = 0.2  # Time over which errors of this model persist [s].
 _SHARED = 0.2  # Correlation of the model's errors between flights of one glider.
-_KNOWN_AXES = {"nose": "x", "top": "z"}  # Of a body whose axes are known.
+_KNOWN_BODY = ("x", "z")  # Nose and top where they are known.
 _MOST = 12  # Flights that are judged.
-_SAME = 0.02  # Difference of rotations up to which two readings are one.
+_DIGITS = 6  # Of log likelihoods: two readings that agree in them are one.
 
 
 def rank_frames(
@@ -84,134 +72,87 @@ def rank_frames(
 ) -> list[tuple[_Fields, float]]:
     """Frames with their probabilities, the best first; none where there is no flight.
 
-    Readings are fields that say how angles are read, each with its prior; `usual` is
-    the axis that points up in most logs like these, or "".
+    Readings are fields that say how angles are read, each with its prior, the likeliest
+    first; `usual` is the axis that points up in most logs like these, or "".
     """
+    worlds = [{"up": up} for up in AXES]
+    track = make_track(logs[0], claim(worlds[0] | readings[0][0]))
+    if not track.along_throw:  # The columns are along the throw, and up or down.
+        pairs = itertools.product(("z", "-z"), ("x", "-x"))
+        worlds = [{"up": up, "forward": forward} for up, forward in pairs]
+    is_known = not track.spatial or "top" in readings[0][0]
+    bodies = [b for b in itertools.product(AXES, AXES) if b[0][-1] != b[1][-1]]
     frames = []
     scores = []
-    mapping = claim({"up": "z"} | readings[0][0])
-    for world in _worlds([make_track(log, mapping) for log in logs]):
+    for world in worlds:
         up = world["up"]
         habit = _UP[up]
         if usual:
             habit = _USUAL if up == usual else (1.0 - _USUAL) * habit / (1 - _UP[usual])
-        tried: list[list[Track]] = []
-        pieces: list[list[Track]] = []
+        known = set()
         for reading, prior in readings:
-            mapping = claim(world | reading)
-            tracks = [make_track(log, mapping) for log in logs]
-            if any(all(map(_is_same, tracks, others)) for others in tried):
-                continue
-            tried.append(tracks)
-            pieces = pieces or [_cut(track) for track in tracks]
-            flown = _fly_all(tracks, pieces)
-            if flown is None:
-                break
-            is_known = not tracks[0].spatial or "top" in reading
-            for body in [_KNOWN_AXES] if is_known else _body_axes():
-                fields = {} if is_known else body
-                frames.append(world | reading | fields)
-                score = _judge(flown, up, body)
+            flights = fly_all(logs, claim(world | reading))
+            for nose, top in [_KNOWN_BODY] if is_known else bodies:
+                score = judge(flights, up, nose, top) if flights else -math.inf
+                result = (nose, top, round(score, _DIGITS))
+                if not flights or result in known:
+                    continue
+                known.add(result)
+                body = {} if is_known else {"nose": nose, "top": top}
+                frames.append(world | reading | body)
                 scores.append(score + math.log(prior * habit))
-    if not frames:
-        return []
-    shares = softmax(scores)
-    order = np.argsort(-shares, kind="stable")
+    shares = softmax(scores) if scores else []
+    order = np.argsort(np.negative(shares), kind="stable")
     return [(frames[k], float(shares[k])) for k in order]
 
 
-def rank_orders(logs: Sequence[Recording], claims: Collection[Mapping]) -> list[float]:
-    """Log probabilities, up to a constant, of mappings that differ in a rotation."""
-    scores = []
-    pieces: list[list[Track]] = []
-    for claim in claims:
-        tracks = [make_track(log, claim) for log in logs]
-        pieces = pieces or [_cut(track) for track in tracks]
-        flown = _fly_all(tracks, pieces)
-        scores.append(_judge(flown, "z", _KNOWN_AXES) if flown else 0.0)
-    return scores
+def fly_all(logs: Sequence[Recording], mapping: Mapping) -> list[_Flight]:
+    """The flights in recordings as a mapping reads them, as many as are judged."""
+    flights = []
+    for log in logs:
+        track = make_track(log, mapping)
+        seen = track
+        if track.spatial:
+            # The nose is unknown: contacts are found by y, not by the pitch.
+            level = planar_rotation(track.position[:, 1])
+            seen = dataclasses.replace(track, rotation=level, spatial=False)
+        pieces, _ = cut(seen, _GRAVITY)
+        for piece in pieces:
+            flown = piece if track.spatial else turn_along(piece)
+            stride = max(1, round(_STEP / float(np.median(np.diff(flown.time)))))
+            motion = calc_motion(flown.time, flown.position, stride=stride)
+            turns = track.rotation[np.isin(track.time, motion.time)]
+            speed = np.linalg.norm(motion.velocity, axis=1, keepdims=True)
+            pull = motion.acceleration + _GRAVITY * unit_vector("z")
+            flow = np.einsum("nji,nj->ni", turns, speed * motion.velocity)
+            force = np.einsum("nji,nj->ni", turns, pull)
+            flights.append(_Flight(flow, force, turns[:, 2]))
+    return flights[:_MOST]
 
 
-def _worlds(tracks: Sequence[Track]) -> list[_Fields]:
-    """The ways in which the axes of a log may point."""
-    if tracks[0].along_throw:
-        return [{"up": up} for up in AXES]
-    # The columns are x and z, and x goes the way of the flights.
-    steps = np.concatenate([np.diff(track.position[:, 0]) for track in tracks])
-    sizes = np.abs(steps)
-    fast = steps[sizes >= np.quantile(sizes, _FAST)] if len(steps) else steps
-    forward = "-x" if np.sum(np.sign(fast)) < 0.0 else "x"
-    return [{"up": up, "forward": forward} for up in ("z", "-z")]
-
-
-def _is_same(one: Track, other: Track) -> bool:
-    same = np.allclose(one.rotation, other.rotation, atol=_SAME)
-    return one.spatial and other.spatial and same
-
-
-def _cut(track: Track) -> list[Track]:
-    """The flights of a recording."""
-    if track.spatial:
-        # Which axis is the nose is unknown: contacts are found by y, not by the pitch.
-        as_pitch = planar_rotation(track.position[:, 1])
-        track = dataclasses.replace(track, rotation=as_pitch, spatial=False)
-    pieces, _ = cut(track, _GRAVITY)
-    return pieces
-
-
-def _fly_all(
-    tracks: Sequence[Track], pieces: Sequence[Sequence[Track]]
-) -> _Flown | None:
-    """The flights that were cut out of recordings, as many as are judged, if any."""
-    found = []
-    for track, own in zip(tracks, pieces, strict=True):
-        found += [_fly(track, piece) for piece in own]
-    flights = found[:_MOST]
-    if not flights:
-        return None
-    flow, force, _ = map(np.concatenate, zip(*flights, strict=True))
-    ways = [np.sum(own, axis=0) for own, _, _ in flights]
-    path = np.mean([way / np.linalg.norm(way) for way in ways], axis=0)
-    above = np.mean([np.mean(own, axis=0) for _, _, own in flights], axis=0)
-    return _Flown(len(flights), flow, force, path, above)
-
-
-def _fly(track: Track, piece: Track) -> _Flight:
-    """A flight that was cut out of a recording, in the axes of the body."""
-    rows = np.searchsorted(track.time, piece.time)
-    whole = take(track, np.minimum(rows, len(track.time) - 1))
-    turns = whole.rotation
-    if not whole.spatial:
-        piece = turn_along(piece)
-    stride = max(1, round(_STEP / float(np.median(np.diff(piece.time)))))
-    motion = calc_motion(piece.time, piece.position, stride=stride)
-    turns = turns[np.searchsorted(piece.time, motion.time)]
-    speed = np.linalg.norm(motion.velocity, axis=1, keepdims=True)
-    pull = motion.acceleration + _GRAVITY * unit_vector("z")
-    flow = np.einsum("nji,nj->ni", turns, speed * motion.velocity)
-    return flow, np.einsum("nji,nj->ni", turns, pull), turns[:, 2]
-
-
-def _body_axes() -> Iterator[_Fields]:
-    """The ways in which the axes of a body may point."""
-    for nose, top in itertools.product(AXES, AXES):
-        if nose[-1] != top[-1]:
-            yield {"nose": nose, "top": top}
-
-
-def _judge(flown: _Flown, up: str, axes: _Fields) -> float:
+def judge(
+    flights: Sequence[_Flight],
+    up: str = "z",
+    nose: str = _KNOWN_BODY[0],
+    top: str = _KNOWN_BODY[1],
+) -> float:
     """Log probability of a frame with these axes of the body, up to a constant."""
-    nose, top = axes["nose"], axes["top"]
     ahead = unit_vector(nose)
     over = unit_vector(top)
     left = np.cross(over, ahead)
-    body = np.stack([ahead, left, over])
+    body = np.stack([ahead, left, over], axis=1)
+    ways = [np.sum(flight.flow, axis=0) for flight in flights]
+    path = np.mean([way / np.linalg.norm(way) for way in ways], axis=0) @ body
+    above = np.mean([np.mean(flight.above, axis=0) for flight in flights], axis=0)
+    above = above @ body
+    flow = np.concatenate([flight.flow for flight in flights])
+    force = np.concatenate([flight.force for flight in flights])
+    count = len(flights)
     # Rows and flights repeat the errors of this model.
-    independent = _STEP / _MEMORY / flown.flights
-    score = independent * _explain(flown.flow @ body.T, flown.force @ body.T)
-    score += _TOWARD * (flown.path @ ahead + flown.above @ over)
-    score -= 0.5 * ((flown.path @ left) ** 2 + (flown.above @ left) ** 2) / _SIDEWAYS**2
-    score *= flown.flights / (1.0 + _SHARED * (flown.flights - 1))
+    score = _STEP / _MEMORY / count * _explain(flow @ body, force @ body)
+    score += _TOWARD * (path[0] + above[2])
+    score -= 0.5 * (path[1] ** 2 + above[1] ** 2) / _SIDEWAYS**2
+    score *= count / (1.0 + _SHARED * (count - 1))
     # Bodies are often defined as they lie upright, or with x ahead.
     usual = 0.1 * (top == up) + 0.2 * (nose == "x" and top[-1] == "z") + 0.008
     return float(score) + math.log(usual)

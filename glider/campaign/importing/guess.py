@@ -5,7 +5,7 @@ probable one (`frame_posterior`); what is not certain is left to the user, with 
 question mark, the next best frame and what distinguishes both.
 """
 
-import fnmatch
+import contextlib
 import json
 import os
 import re
@@ -67,12 +67,15 @@ _INSTEAD = dict.fromkeys("xyz", "position") | dict.fromkeys(_EULER, "attitude")
 _INSTEAD |= {_ANGLE: _RATE}  # Quantity that makes another needless.
 _IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
 _SAYS_NOTHING = re.compile(r"\.(position|data|value|angle|output)(\[0\])?$").search
-_RANGES: dict[str, tuple[tuple[float, str], ...]] = {  # Largest in SI, else the unit.
-    "length": ((1000.0, "mm"), (100.0, "cm")),
-    "angle": ((2.0 * np.pi, "deg"),),
-    "rate": ((50.0, "deg/s"),),
+_LARGEST: dict[tuple[str, ...], tuple[tuple[float, str], ...]] = {
+    ("position", "x"): ((1000.0, "mm"), (100.0, "cm")),
+    ("attitude", *_EULER): ((2.0 * np.pi, "deg"),),
+    ("elevator",): ((0.5 * np.pi, "deg"),),
+    (_ANGLE,): ((0.5 * np.pi, "deg"),),
+    (_RATE,): ((50.0, "deg/s"),),
 }
-_TRAVEL = ((0.5 * np.pi, "deg"),)  # The same of an elevator, which turns less.
+"""Of quantities with one unit what is most in SI, and the unit of what is more. Heights
+and y may have any origin."""
 _PULSES = (500.0, 2500.0)  # Widths that servos take, and angles are not [us].
 _PULSE_SCALE = "{gain: 0.00157, zero: 1500}"  # Of most: a quarter turn in 1000 us.
 _FOUR = {"xyzw": 0.5, "wxyz": 0.5}
@@ -99,59 +102,61 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     """Proposes a mapping; refused where no columns, or no frame, make flights."""
     recordings, join = _read(sorted(as_files(files)))
     columns = _guess_columns(recordings[0])
-    known = recordings[0].known  # PX4's topics are in SI, and north, east, down.
+    is_px4 = bool(recordings[0].known)  # Its topics are in SI, and north, east, down.
     recordings = [part for log in recordings for part in split_flights(log, columns)]
     recordings = recordings[:_MAX_FILES]
-    reasons = {} if known else _guess_units(recordings, columns)
+    reasons = {} if is_px4 else _guess_units(recordings, columns)
     units = {kind: yaml.safe_load(unit) for kind, (unit, _) in reasons.items()}
 
     def claim(frame: _Fields) -> Mapping:
-        fields = {"columns": columns, "units": units, "frame": frame}
-        claimed = schema.convert(fields, Settings, "the guess").mapping("the guess")
-        assert claimed is not None
-        return claimed
+        return _make_mapping(columns=columns, units=units, frame=frame)
 
     ranked = [({"axes": "NED"}, 1.0)]
-    if not known:
+    if not is_px4:
         readings, usual = _priors(recordings[0], columns)
         ranked = rank_frames(recordings, claim, readings, usual)
         ranked = ranked or [(readings[0][0], 0.0)]
     frame, probability = ranked[0]
     campaign = _make_campaign(recordings, claim(frame))
-    moving = campaign.elevator == "servo"
-    servo_frame: _Fields = {}
-    servo_why = ""
-    if moving:
-        servo_frame, servo_why = _guess_elevator(campaign)
-        campaign = _make_campaign(recordings, claim(frame | servo_frame))
+    whys = dict.fromkeys(frame, "")
+    vehicle = "fixed_per_flight  # no elevator found; 'fixed' if all had one trim"
+    if campaign.elevator == "servo":
+        signs, why = _guess_elevator(campaign)
+        frame = frame | signs
+        whys |= dict.fromkeys(signs, "") | {"elevator": why}
+        campaign = _make_campaign(recordings, claim(frame))
+        # Commanded angles cannot be used without the limit.
+        limit = "if you know it:" if "elevator" in columns else "? missing:"
+        vehicle = f"servo  # {limit} elevator_rate_limit in rad/s"
+    if _ANGLE in columns and is_px4:
+        reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
+    doubts = _find_doubts(campaign, bool({"length", "time"} & reasons.keys()))
+    east = re.search("east|ost|est", _words(columns.get("y", "")))
+    if "roll" in columns and east and frame.get("up") == "z":
+        doubts.append("north, east and up are left-handed: check roll's sign")
     lines = ["# Proposed by --guess: check each line before you use it."]
     if join:
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
     lines.append("columns:")
-    how = "PX4's topic" if known else "by its name"
+    how = "PX4's topic" if is_px4 else "by its name"
     lines += [f"  {name}: {quoted(own)}  # {how}" for name, own in columns.items()]
-    if _ANGLE in known:
-        reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
-    if reasons:
-        lines.append("units:")
-        lines += [f"  {kind}: {unit}  # {why}" for kind, (unit, why) in reasons.items()]
-    lines.append(f"frame:  # {'by the format' if known else _explain(ranked)}")
-    by_range = bool({"length", "time"} & reasons.keys())
-    lines += [f"  # ? {words}" for words in _find_doubts(campaign, by_range)]
-    east = re.search("east|ost|est", _words(columns.get("y", "")))
-    if "roll" in columns and east and frame.get("up") == "z":
-        lines.append("  # ? north, east and up are left-handed: check roll's sign")
-    fields = frame | {n: v for n, v in servo_frame.items() if n != "elevator"}
-    lines += [f"  {name}: {quoted(value)}" for name, value in fields.items()]
-    vehicle = "fixed_per_flight  # no elevator found; 'fixed' if all had one trim"
-    if moving:  # Commanded angles cannot be used without the limit.
-        lines.append(f"  elevator: {servo_frame['elevator']}  # {servo_why}")
-        limit = "if you know it:" if "elevator" in columns else "? missing:"
-        vehicle = f"servo  # {limit} elevator_rate_limit in rad/s"
+    lines += ["units:"] * bool(reasons)
+    lines += [f"  {kind}: {unit}  # {why}" for kind, (unit, why) in reasons.items()]
+    lines.append(f"frame:  # {'by the format' if is_px4 else _explain(ranked)}")
+    lines += [f"  # ? {words}" for words in doubts]
+    for name, why in whys.items():
+        lines.append(f"  {name}: {quoted(frame[name])}" + (f"  # {why}" if why else ""))
     lines.append("vehicle:  # what you know: mass, wing_area, ... in kg, m, s")
     lines.append(f"  elevator: {vehicle}")
     text = "".join(f"{printable(line)}\n" for line in lines)
     return Guess(text, campaign, probability)
+
+
+def _make_mapping(**fields: Any) -> Mapping:
+    """The mapping that some fields of a MAP file are."""
+    mapping = schema.convert(fields, Settings, "the guess").mapping("the guess")
+    assert mapping is not None
+    return mapping
 
 
 def _find_doubts(campaign: Campaign, by_range: bool) -> list[str]:
@@ -179,24 +184,19 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
     `a_pose.csv a_servo.csv b_pose.csv b_servo.csv` -> `*pose.csv *servo.csv`
     """
     logs = {file: read_recordings(file) for file in files[: 2 * _MAX_FILES]}
-    has_pose = {file: any(map(_has_pose, map(_find, logs[file]))) for file in logs}
-    poses = [file.name for file in logs if has_pose[file]]
-    others = [file.name for file in logs if not has_pose[file]]
-    if poses and len(poses) == len(others):
-        pair = [poses[0], others[0]]
+    posed = [file for file in logs if any(_has_pose(_find(r)) for r in logs[file])]
+    others = [file for file in logs if file not in posed]
+    if posed and len(posed) == len(others):
+        pair = [posed[0].name, others[0].name]
         before = os.path.commonprefix(pair)  # noqa: RUF071 -- of names, not paths.
         after = os.path.commonprefix([n[::-1] for n in pair])[::-1]  # noqa: RUF071
-        for join in (
-            [f"*{name.removeprefix(before)}" for name in pair],
-            [f"{name.removesuffix(after)}*" for name in pair],
-        ):
-            if all(any(fnmatch.fnmatch(f.name, p) for p in join) for f in logs):
-                joined = Settings(join=join).mapping("the guess")
-                assert joined is not None
-                return read_logs(list(logs), joined, silent), join
-    found = [r for read in logs.values() for r in read]
-    filled = [log for log in found if _has_pose(_find(log))]
-    return (filled or found)[:_MAX_FILES], []
+        ends = [f"*{name.removeprefix(before)}" for name in pair]
+        beginnings = [f"{name.removesuffix(after)}*" for name in pair]
+        for join in (ends, beginnings):
+            with contextlib.suppress(InputError):  # Not all files have such names.
+                return read_logs(list(logs), _make_mapping(join=join), silent), join
+    found = [recording for file in posed or logs for recording in logs[file]]
+    return found[:_MAX_FILES], []
 
 
 def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
@@ -391,16 +391,14 @@ def _is_angle(log: Recording, columns: _Columns) -> bool:
     command, unit = _values(log, name)
     if unit or _are_pulses(command):
         return unit in (None, "deg", "rad")
-    if "elevator" not in columns or re.search(_IS_RATE, _words(name)):
+    angle, _ = _values(log, columns.get("elevator", name))
+    if re.search(_IS_RATE, _words(name)) or len(angle) != len(command):
         return False
-    angle, _ = _values(log, columns["elevator"])
-    if not 1 < len(angle) == len(command):
-        return False
-    logged = np.stack([command, angle, np.gradient(angle)])
+    logged = np.stack([command, np.gradient(angle), angle])
     shown = logged[:, np.isfinite(logged).all(axis=0)]
     with np.errstate(invalid="ignore", divide="ignore"):
-        _, to_angle, to_rate = np.abs(np.corrcoef(shown)[0])
-    return bool(to_angle > to_rate)
+        _, to_rate, to_angle = np.abs(np.corrcoef(shown)[0])
+    return "elevator" in columns and bool(to_angle > to_rate)
 
 
 def _travel(log: Recording, stem: str) -> float:
@@ -430,38 +428,33 @@ def _guess_units(
         fits = [u for u, size in UNITS["time"].items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
             units["time"] = fits[0], f"its median step is {step:.4g}"
-    found: dict[str, tuple[str, str]] = {}  # Where no file says so.
-    large = set()  # Kinds of which a quantity has not the usual unit.
-    for quantity, column in columns.items():
-        kind = QUANTITIES[quantity]
-        if kind not in _RANGES or quantity in ("y", "z"):  # Of any origin.
+    others = set()  # Kinds of which a quantity has not the unit of SI.
+    found: dict[str, tuple[str, str]] = {}
+    for quantities, largest in _LARGEST.items():
+        own = [quantity for quantity in quantities if quantity in columns]
+        read = [_values(log, columns[quantity]) for quantity in own for log in logs]
+        if not read:
             continue
-        read = [_values(log, column) for log in logs]
         unit = read[0][1]
-        values = np.concatenate([np.abs(values).ravel() for values, _ in read])
-        reach = float(np.max(values, initial=0.0, where=np.isfinite(values)))
-        why = f"'{quantity}' reaches {reach:.4g}"
-        turns = quantity in ("elevator", _ANGLE)
-        if unit is None and turns and _are_pulses(values):
-            why = f"? {why}: microseconds, and gain is the angle of one in rad"
-            units[quantity] = _PULSE_SCALE, why
-            continue
-        usual = next(iter(UNITS[kind]))
-        ranges = _TRAVEL if turns else _RANGES[kind]
+        kind = QUANTITIES[own[0]]
         if unit is None:
-            unit = next((name for most, name in ranges if reach > most), usual)
-            found[quantity] = unit, why
-        if unit != usual:
-            large.add("attitude" if quantity in _EULER else kind)
-            large.add(kind)
-    for quantity, (own, why) in found.items():
+            values = np.concatenate([np.abs(values).ravel() for values, _ in read])
+            reach = float(np.max(values, initial=0.0, where=np.isfinite(values)))
+            why = f"'{own[0]}' reaches {reach:.4g}"
+            if own[0] in ("elevator", _ANGLE) and _are_pulses(values):
+                why = f"? {why}: microseconds, and gain is the angle of one in rad"
+                units[own[0]] = _PULSE_SCALE, why
+                continue
+            larger = (name for most, name in largest if reach > most)
+            unit = next(larger, next(iter(UNITS[kind])))
+            found |= dict.fromkeys(own, (unit, why))
+        if UNITS[kind][unit] != 1.0:
+            others.add(kind)
+    for quantity, (unit, why) in found.items():
         kind = QUANTITIES[quantity]
-        usual = next(iter(UNITS[kind]))
-        turned = quantity in _EULER and "attitude" in large  # They have one unit.
-        unit = "deg" if turned else own
-        if unit != usual:
+        if UNITS[kind][unit] != 1.0:
             units["length" if kind == "length" else quantity] = unit, why
-        elif kind in large:
+        elif kind in others:
             units[quantity] = unit, f"? {why}"
     return units
 
