@@ -9,7 +9,7 @@ and the offset is that of the best fit.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,16 +44,15 @@ _FEWEST_ROWS = 20  # Of a flight that shows an offset of its own.
 _ABSORBED = 0.1  # Delay or lag of a servo that a clock found by it may hide [s].
 _OFF = 3.0  # Standard errors above which a clock that is specified is in doubt.
 
-_Follow = Callable[[float], float]  # From an offset [s] to the correlation.
 _Flown = tuple[Track, Sequence[Track]]  # A recording, and its flights.
 
 
 class _Offset(NamedTuple):
     """How far a clock is ahead, and how well the signals then follow one another."""
 
-    seconds: float
-    correlation: float
-    elsewhere: float  #: Best correlation more than `_NEAR` away.
+    seconds: float = 0.0
+    correlation: float = 0.0
+    elsewhere: float = 0.0  #: Best correlation more than `_NEAR` away.
     std: float = _COARSE  #: Standard error [s].
     rate: float = 0.0  #: Seconds by which it gains in one of the poses.
     middle: float = 0.0  #: Time of the poses at which it is ahead by `seconds` [s].
@@ -78,20 +77,20 @@ def join_clocks(
     if clock is None:
         differ = any(log.clock != t.clock for t in tracks for log in t.servo.given)
         clock = "find" if differ else "same"
+    if clock == "same":
+        return tracks, ()
     flying: dict[int, _Flown] = {}
     for place, (track, cuts) in enumerate(zip(tracks, flights, strict=True)):
         turns = track.servo.elevator or track.servo.angle_command
         if cuts and turns and not track.has_measured:
             flying[place] = track, list(map(turn_along, cuts))
     pairs = [*flying.values()]
-    if clock not in ("same", "find"):
-        offset = _Offset(float(clock), 0.0, 0.0)
+    if clock != "find":
+        offset = _Offset(float(clock))
         std, warnings = _check_clock(pairs, offset.seconds, mapping.source)
         note = f"clock: shifted by {offset.seconds:g} s, as specified"
         shifted = [_shift(track, offset, std, note) for track in tracks]
         return shifted, warnings
-    if clock == "same":
-        return tracks, ()
     for track in tracks:
         clocks = {log.clock for log in track.servo.given}
         if track.has_measured and len(clocks) > 1:
@@ -102,8 +101,7 @@ def join_clocks(
             )
     joined = [*tracks]
     warnings = ()
-    found = _find_offsets(pairs) if pairs else []
-    for place, offset in zip(flying, found, strict=True):
+    for place, offset in zip(flying, _find_offsets(pairs), strict=True):
         track = tracks[place]
         std = offset.std
         note = (
@@ -136,7 +134,7 @@ def _check_clock(
     steps = [log.step for track, _ in flying for log in track.servo.given]
     read = math.hypot(0.1**digits, max(steps, default=0.0)) / math.sqrt(12.0)
     try:
-        offsets = _find_offsets(flying) if flying else []
+        offsets = _find_offsets(flying)
     except InputError:
         offsets = []
     if not offsets:
@@ -169,10 +167,10 @@ def _shift(track: Track, offset: _Offset, std: float = 0.0, note: str = "") -> T
 
 
 class _Turning(NamedTuple):
-    """The pitch's acceleration in the flights of a recording, and what explains it."""
+    """The pitch's acceleration in flights of a recording, and what explains it."""
 
-    track: Track
     elevator: Stream
+    span: tuple[float, float]  #: Of the recording [s].
     time: np.ndarray  #: (k,) [s]
     square: np.ndarray  #: (k,) speed² [m²/s²]
     alpha: np.ndarray  #: (k,) angle of attack [rad]
@@ -182,11 +180,30 @@ class _Turning(NamedTuple):
     def column(self, offset: float) -> np.ndarray:
         """V² sin(elevator - alpha) (k,) at an offset; beyond its log it rests."""
         log = self.elevator
-        at = self.time + offset
         # The cubics average the acceleration over a window; so is the elevator here.
-        delays = (-0.25 * SPAN, 0.0, 0.25 * SPAN)
-        angles = [np.interp(at + d, log.time, log.values[:, 0]) for d in delays]
+        at = self.time + offset + 0.25 * SPAN * np.array([[-1.0], [0.0], [1.0]])
+        angles = np.interp(at, log.time, log.values[:, 0])
         return self.square * np.sin(np.mean(angles, axis=0) - self.alpha)
+
+
+def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
+    elevator = track.servo.elevator or track.servo.angle_command
+    assert elevator is not None
+    each = (calc_motion(flight.time, planar_pose(flight)) for flight in flights)
+    motion = Motions(tuple(each)).joined
+    vx, vz, rate = motion.velocity.T
+    speed = motion.speed
+    alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]
+    lift = [np.ones(len(speed)), speed**2 * np.sin(alpha), speed**2 * np.cos(alpha)]
+    return _Turning(
+        elevator=elevator,
+        span=track.span,
+        time=motion.time,
+        square=speed**2,
+        alpha=alpha,
+        base=np.column_stack([*lift, speed * rate]),
+        target=motion.acceleration[:, 2],
+    )
 
 
 def _find_offsets(recordings: Sequence[_Flown]) -> list[_Offset]:
@@ -195,45 +212,40 @@ def _find_offsets(recordings: Sequence[_Flown]) -> list[_Offset]:
     If one offset fits all recordings it is taken: two clocks that ran on between them.
     Measured on seven campaigns of 4 and 10 flights of 0.85 s: it is right to 15 ms.
     """
-    tracks = [track for track, _ in recordings]
+    if not recordings:
+        return []
     turnings = [_turning_of(track, flights) for track, flights in recordings]
-    # What the elevator must explain is what the rest does not.
-    base, target = _stack(turnings)
-    rest = np.linalg.lstsq(base, target, rcond=None)[0]
-    turnings = [t._replace(target=t.target - t.base @ rest) for t in turnings]
-    ranges = [_overlaps(t.track.time, t.elevator.time) for t in turnings]
-    first = max(own[0] for own in ranges)
-    last = min(own[-1] for own in ranges)
-    common = _search(np.arange(first, last + _STEP, _STEP), _follow(turnings))
-    if len(recordings) == 1:
-        (refined,) = _refine_each(turnings, [common], np.eye(1))
-        return _check_found(tracks, [_find_rate(*recordings[0], refined)])
-    if common.is_sure(_ONLY_COMMON):
-        same = np.ones((len(recordings), 1))
-        return _refine_each(turnings, [common] * len(recordings), same)
-    # A short flight alone is followed well at several offsets, by another effect each:
-    # the effect is common to all.
-    pairs = [*zip(ranges, turnings, strict=True)]
-    found = [_search(own, _follow([turning])) for own, turning in pairs]
-    effects = [_pool([t], [o.seconds]) for t, o in zip(turnings, found, strict=True)]
-    effect = np.median(effects, axis=0)
-    for _ in range(_ROUNDS):
-        found = [_search(own, _follow([turning], effect)) for own, turning in pairs]
-        effect = _pool(turnings, [offset.seconds for offset in found])
-    return _refine_each(turnings, _check_found(tracks, found), np.eye(len(found)))
-
-
-def _check_found(tracks: Sequence[Track], found: list[_Offset]) -> list[_Offset]:
-    """Refuses recordings whose clock is not found."""
-    for track, offset in zip(tracks, found, strict=True):
-        if not offset.is_sure():
+    count = len(turnings)
+    common = _search(turnings)
+    found = [common] * count
+    design = np.ones((count, 1))
+    is_one = count > 1 and common.is_sure(_ONLY_COMMON)
+    if not is_one:
+        # A short flight alone is followed well at several offsets, by another effect
+        # each: the effect is common to all.
+        design = np.eye(count)
+        effect = None
+        for _ in range(_ROUNDS if count > 1 else 1):
+            found = [_search([turning], effect) for turning in turnings]
+            effect = _pool(turnings, np.array([offset.seconds for offset in found]))
+    start = np.linalg.lstsq(design, [own.seconds for own in found], rcond=None)[0]
+    parameters, covariance = _refine(turnings, start, design)
+    variances = np.diagonal(design @ covariance @ design.T)
+    stds = np.hypot(np.sqrt(variances), _FORM)
+    refined = []
+    for own, seconds, std in zip(found, design @ parameters, stds, strict=True):
+        refined.append(own._replace(seconds=float(seconds), std=float(std)))
+    if count == 1:
+        refined = [_find_rate(*recordings[0], refined[0])]
+    for (track, _), offset in zip(recordings, refined, strict=True):
+        if not (is_one or offset.is_sure()):
             raise InputError(
                 f"{track.path}: the offset between the clocks of poses and elevator "
                 f"was not found (they correlate by {offset.correlation:.2f} at best, "
                 f"by {offset.elsewhere:.2f} elsewhere); expected 'clock: SECONDS' or "
                 "'clock: same' in the mapping."
             )
-    return found
+    return refined
 
 
 def _find_rate(track: Track, flights: Sequence[Track], common: _Offset) -> _Offset:
@@ -248,12 +260,9 @@ def _find_rate(track: Track, flights: Sequence[Track], common: _Offset) -> _Offs
     middles = np.array([np.mean(turning.time) for turning in turnings])
     middle = float(np.mean(middles))
     line = np.column_stack([np.ones(len(middles)), middles - middle])
-    start = np.full(len(middles), common.seconds)
-    offsets, covariance = _refine(turnings, start, line)
-    (ahead, rate), *_ = np.linalg.lstsq(line, offsets, rcond=None)
+    start = np.array([common.seconds, 0.0])
+    (ahead, rate), covariance = _refine(turnings, start, line)
     std, rate_std = np.sqrt(np.diagonal(covariance))
-    if abs(rate) < _OFF * rate_std:
-        return common
     drifting = common._replace(
         seconds=float(ahead),
         std=math.hypot(std, _FORM),
@@ -261,134 +270,96 @@ def _find_rate(track: Track, flights: Sequence[Track], common: _Offset) -> _Offs
         middle=middle,
     )
     shifted = _turning_of(_shift(track, drifting), flights)
-    correlation = _follow([shifted])(0.0)
-    if correlation <= common.correlation:
-        return common
-    return drifting._replace(correlation=correlation)
+    [correlation] = _correlate([shifted], np.zeros(1))
+    is_shown = abs(rate) > _OFF * rate_std and correlation > common.correlation
+    return drifting._replace(correlation=correlation) if is_shown else common
 
 
-def _refine_each(
-    turnings: Sequence[_Turning], found: Sequence[_Offset], design: np.ndarray
-) -> list[_Offset]:
-    """Offsets of recordings as `_refine` finds them, and their standard errors."""
-    start = np.array([offset.seconds for offset in found])
-    offsets, covariance = _refine(turnings, start, design)
-    variances = np.diagonal(design @ covariance @ design.T)
-    stds = np.hypot(np.sqrt(variances), _FORM)
-    refined = []
-    for old, seconds, std in zip(found, offsets, stds, strict=True):
-        refined.append(old._replace(seconds=float(seconds), std=float(std)))
-    return refined
-
-
-def _refine(
-    turnings: Sequence[_Turning], start: np.ndarray, design: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Refines offsets together with the effect, by Gauss-Newton.
-
-    Args:
-        turnings: of n recordings or flights.
-        start: (n,) offsets [s].
-        design: (n, k) by how much each offset changes with each of k parameters.
-
-    Returns:
-        Offsets (n,) [s], and the covariance of the parameters (k, k).
-    """
-    base, target = _stack(turnings)
-    by_row = np.repeat(design, [len(turning.target) for turning in turnings], axis=0)
-    # Rows within the window of one cubic are not independent.
-    rate = 1.0 / np.median(np.diff(turnings[0].track.time))
-    dependent = max(SPAN * rate, 1.0)
-    offsets = start.astype(float)
-    for _ in range(_ITERATIONS):
-        gain = _pool(turnings, offsets)[-1]
-        after = _join_columns(turnings, offsets + _STEP)
-        before = _join_columns(turnings, offsets - _STEP)
-        slope = gain * (after - before) / (2.0 * _STEP)
-        column = _join_columns(turnings, offsets)
-        columns = np.column_stack([base, column, slope[:, None] * by_row])
-        step = np.linalg.lstsq(columns, target, rcond=None)[0]
-        change = design @ step[-design.shape[1] :]
-        offsets += change * min(1.0, _STEP / max(np.max(np.abs(change)), 1e-12))
-    left = target - columns @ step
-    variance = np.mean(left**2) * dependent
-    covariance = variance * np.linalg.pinv(columns.T @ columns)
-    parameters = slice(-design.shape[1], None)
-    return offsets, covariance[parameters, parameters]
-
-
-def _stack(turnings: Sequence[_Turning]) -> tuple[np.ndarray, np.ndarray]:
-    """Base (k, 4) and target (k,) of all recordings, one after the other."""
-    base = np.concatenate([turning.base for turning in turnings])
-    target = np.concatenate([turning.target for turning in turnings])
-    return base, target
-
-
-def _join_columns(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
-    """Columns (k,) of the elevator, each recording at its offset."""
-    pairs = zip(turnings, offsets, strict=True)
-    return np.concatenate([turning.column(offset) for turning, offset in pairs])
-
-
-def _overlaps(time: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Offsets (m,) at which two logs with times (n,) and (k,) overlap."""
-    return np.arange(other[0] - time[-1], other[-1] - time[0] + _STEP, _STEP)
-
-
-def _search(offsets: np.ndarray, follow: _Follow) -> _Offset:
-    """The best of some offsets (m,)."""
+def _search(turnings: Sequence[_Turning], effect: np.ndarray | None = None) -> _Offset:
+    """The best offset at which all recordings overlap with the logs of their servos."""
+    first = max(t.elevator.time[0] - t.span[1] for t in turnings)
+    last = min(t.elevator.time[-1] - t.span[0] for t in turnings)
+    offsets = np.arange(first, last + _STEP, _STEP)
     if not len(offsets):
-        return _Offset(0.0, 0.0, 0.0)
-    values = np.array([follow(offset) for offset in offsets])
+        return _Offset()
+    values = _correlate(turnings, offsets, effect)
     best = int(np.argmax(values))
     is_far = np.abs(offsets - offsets[best]) > _NEAR
     elsewhere = float(np.max(values[is_far], initial=0.0))
     return _Offset(float(offsets[best]), float(values[best]), elsewhere)
 
 
-def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
-    elevator = track.servo.elevator or track.servo.angle_command
-    assert elevator is not None
-    each = (calc_motion(flight.time, planar_pose(flight)) for flight in flights)
-    motion = Motions(tuple(each)).joined
-    vx, vz, rate = motion.velocity.T
-    speed = motion.speed
-    alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]
-    square = speed**2
-    lift = [square * np.sin(alpha), square * np.cos(alpha)]
-    base = np.column_stack([np.ones(len(speed)), *lift, speed * rate])
-    target = motion.acceleration[:, 2]
-    return _Turning(track, elevator, motion.time, square, alpha, base, target)
+def _correlate(
+    turnings: Sequence[_Turning], offsets: np.ndarray, effect: np.ndarray | None = None
+) -> np.ndarray:
+    """Correlations (m,) of the pitch's acceleration and elevators at m offsets.
+
+    Of what the elevator must explain, as the rest does not. The effect (5,) of base and
+    elevator is known, or the one that fits best.
+    """
+    base = np.concatenate([turning.base for turning in turnings])
+    target = np.concatenate([turning.target for turning in turnings])
+    basis, _ = np.linalg.qr(base)
+    alone = target - basis @ (basis.T @ target)
+    power = max(float(alone @ alone), 1e-12)
+    if effect is not None:
+        basis = basis[:, :0]
+        alone = target - base @ effect[:-1]
+    found = []
+    for offset in offsets:
+        column = np.concatenate([turning.column(offset) for turning in turnings])
+        column -= basis @ (basis.T @ column)
+        gain = column @ alone / max(column @ column, 1e-12)
+        rest = alone - (gain if effect is None else effect[-1]) * column
+        found.append(math.sqrt(max(0.0, 1.0 - rest @ rest / power)))
+    return np.array(found)
 
 
-def _pool(turnings: Sequence[_Turning], offsets: Iterable[float]) -> np.ndarray:
-    """Effects (5,) of base and elevator in all recordings together."""
-    base, target = _stack(turnings)
-    design = np.column_stack([base, _join_columns(turnings, offsets)])
+def _pool(turnings: Sequence[_Turning], offsets: np.ndarray) -> np.ndarray:
+    """Effects (5,) of base and elevator in all recordings, each at its offset."""
+    design, target = _stack(turnings, offsets)
     return np.linalg.lstsq(design, target, rcond=None)[0]
 
 
-def _follow(turnings: Sequence[_Turning], effect: np.ndarray | None = None) -> _Follow:
-    """Compares the pitch's acceleration in recordings with their elevators' angles.
+def _stack(
+    turnings: Sequence[_Turning], offsets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Base and elevator (k, 5) and target (k,) of recordings, each at its offset."""
+    pairs = zip(turnings, offsets, strict=True)
+    column = np.concatenate([turning.column(offset) for turning, offset in pairs])
+    base = np.concatenate([turning.base for turning in turnings])
+    target = np.concatenate([turning.target for turning in turnings])
+    return np.column_stack([base, column]), target
 
-    The effect (5,) of base and elevator is known, or the one that fits best.
+
+def _refine(
+    turnings: Sequence[_Turning], parameters: np.ndarray, design: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Refines parameters of offsets together with the effect, by Gauss-Newton.
+
+    Args:
+        turnings: of n recordings or flights.
+        parameters: (m,) to begin with.
+        design: (n, m) offsets [s] by each of the parameters.
+
+    Returns:
+        The parameters (m,), and their covariance (m, m).
     """
-    base, target = _stack(turnings)
-    basis = np.zeros((len(target), 0))
-    power = target @ target
-    if effect is None:
-        basis, _ = np.linalg.qr(base)
-        target = target - basis @ (basis.T @ target)
-        power = target @ target
-    else:
-        target = target - base @ effect[:-1]
-
-    def follow(offset: float) -> float:
-        column = _join_columns(turnings, [offset] * len(turnings))
-        column = column - basis @ (basis.T @ column)
-        best = column @ target / max(column @ column, 1e-12)
-        gain = best if effect is None else effect[-1]
-        rest = target - gain * column
-        return math.sqrt(max(0.0, 1.0 - rest @ rest / max(power, 1e-12)))
-
-    return follow
+    by_row = np.repeat(design, [len(turning.time) for turning in turnings], axis=0)
+    for _ in range(_ITERATIONS):
+        offsets = design @ parameters
+        columns, target = _stack(turnings, offsets)
+        effect = np.linalg.lstsq(columns, target, rcond=None)[0]
+        after, _ = _stack(turnings, offsets + _STEP)
+        before, _ = _stack(turnings, offsets - _STEP)
+        slope = (after - before) @ effect / (2.0 * _STEP)
+        columns = np.column_stack([columns, slope[:, None] * by_row])
+        solution = np.linalg.lstsq(columns, target, rcond=None)[0]
+        step = solution[len(effect) :]
+        largest = max(float(np.max(np.abs(design @ step))), 1e-12)
+        parameters = parameters + step * min(1.0, _STEP / largest)
+    # Rows within the window of one cubic are not independent.
+    dependent = max(SPAN / float(np.median(np.diff(turnings[0].time))), 1.0)
+    variance = np.mean((target - columns @ solution) ** 2) * dependent
+    covariance = variance * np.linalg.pinv(columns.T @ columns)
+    return parameters, covariance[len(effect) :, len(effect) :]

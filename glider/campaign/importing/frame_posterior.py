@@ -52,6 +52,7 @@ gliders have a normal force of 0.5 to 1.4, an axial one of 0.06, a camber of 0.1
 _NOISE = 1.0  # Of accelerations, in the weight of the prior [m/s²].
 _LEAST = 0.5  # Deviation of accelerations below which no frame is better [m/s²].
 _ANY = 10.0  # Deviation of accelerations in a hand or at a contact [m/s²].
+_FAST = 0.8  # Quantile of steps above which a body flies: not in a hand.
 _TOWARD = 3.0
 """Concentration (von Mises-Fisher) of mean paths at the nose and of the vertical at
 the top of the body: 40 degrees off are usual."""
@@ -76,11 +77,15 @@ def rank_frames(
     first; `usual` is the axis that points up in most logs like these, or "".
     """
     worlds = [{"up": up} for up in AXES]
-    track = make_track(logs[0], claim(worlds[0] | readings[0][0]))
-    if not track.along_throw:  # The columns are along the throw, and up or down.
-        pairs = itertools.product(("z", "-z"), ("x", "-x"))
-        worlds = [{"up": up, "forward": forward} for up, forward in pairs]
-    is_known = not track.spatial or "top" in readings[0][0]
+    tracks = [make_track(log, claim(worlds[0] | readings[0][0])) for log in logs]
+    if not tracks[0].along_throw:
+        # The columns are x and z, and x goes the way of the flights.
+        steps = np.concatenate([np.diff(track.position[:, 0]) for track in tracks])
+        sizes = np.abs(steps)
+        fast = steps[sizes >= np.quantile(sizes, _FAST)] if len(steps) else steps
+        forward = "-x" if np.sum(np.sign(fast)) < 0.0 else "x"
+        worlds = [{"up": up, "forward": forward} for up in ("z", "-z")]
+    is_known = not tracks[0].spatial or "top" in readings[0][0]
     bodies = [b for b in itertools.product(AXES, AXES) if b[0][-1] != b[1][-1]]
     frames = []
     scores = []

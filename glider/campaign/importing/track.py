@@ -9,7 +9,7 @@ for a tracked point r ahead of and above the center of mass.
 import dataclasses
 import itertools
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -65,6 +65,14 @@ class Stream(NamedTuple):
         return self._replace(time=self.time[rows], values=self.values[rows])
 
 
+class _Attitude(NamedTuple):
+    """Rotations with their times."""
+
+    time: np.ndarray  #: (n,) increasing [s].
+    turns: Rotation  #: n of them.
+    spatial: bool = True  #: From body to log; else a pitch in the project's axes.
+
+
 class ServoLogs(NamedTuple):
     """What was logged of the elevator's servo."""
 
@@ -112,29 +120,27 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
     frame = mapping.frame
     pick = _Picker(recording, mapping)
     place = pick.position()
-    time = place.time
     planar = place.values.shape[1] == 2
     world = _world_axes(frame)
-    attitude, spatial = pick.attitude(world, planar)
-    rotation = _interpolate(attitude, time)
-    if spatial:
+    attitude = pick.attitude(world, planar)
+    rotation = _interpolate(attitude, place.time)
+    if attitude.spatial:
         rotation = world @ rotation @ frame.body.T
     ahead, above = frame.tracked_point
     position = _turn_points(place.values, world)
     position -= rotation @ np.array([ahead, 0.0, above])
-    zeros = np.all(place.values == 0.0, axis=1)  # Cameras do not see the body.
-    seen = np.isfinite(position).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))
-    seen &= ~zeros
+    unseen = np.all(place.values == 0.0, axis=1)
+    seen = np.isfinite(position).all(axis=1) & ~unseen
     counts = {
         "whose time falls back: they are dropped": place.late,
-        "in which the position is zero: the body was not seen": int(np.sum(zeros)),
+        "in which the position is zero: the body was not seen": int(np.sum(unseen)),
     }
     return Track(
         path=recording.path,
-        time=time[seen],
+        time=place.time[seen],
         position=position[seen],
         rotation=rotation[seen],
-        spatial=spatial,
+        spatial=attitude.spatial,
         along_throw=not planar and frame.forward in (None, "throw"),
         clock=place.clock,
         notes=tuple(f"{count} rows {why}" for why, count in counts.items() if count),
@@ -183,8 +189,8 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
     """Pitch (n,), and roll and yaw (n, 2) where they are known [rad].
 
     Of the two triples of yaw, pitch and roll for a rotation the one with less roll is
-    taken at first, then the one that continues the row before: a glider that dives past
-    the vertical continues to pitch, and one that rolls over continues to roll.
+    taken at first, then the one that continues the yaw of the row before: a glider that
+    dives past the vertical continues to pitch.
     """
     if not track.spatial:
         ahead = track.rotation[:, :, 0]
@@ -192,16 +198,16 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Straight up or down the yaw is taken as zero.
         yaw, pitch, roll = Rotation.from_matrix(track.rotation).as_euler("ZYX").T
-    one = np.array([roll, pitch, yaw])
-    other = np.array([roll + np.pi, np.pi - pitch, yaw + np.pi])
-    stays, turns = (
-        np.abs(np.exp(1j * way[:, 1:]) - np.exp(1j * one[:, :-1])).sum(axis=0)
-        for way in (one, other)
-    )
-    changes = np.r_[np.abs(roll[:1]) > 0.5 * np.pi, turns < stays]
-    chosen = np.where(np.cumsum(changes) % 2 == 1, other, one)
-    roll, pitch, yaw = np.unwrap(np.angle(np.exp(1j * chosen)), axis=1)
-    return pitch, np.column_stack([roll, yaw])
+    half_turns = np.round((np.unwrap(yaw, period=np.pi) - yaw) / np.pi)
+    is_other = (half_turns + (np.abs(roll[:1]) > 0.5 * np.pi)) % 2 == 1
+    pitch = np.where(is_other, np.pi - pitch, pitch)
+    sideways = np.column_stack([roll, yaw]) + np.pi * is_other[:, None]
+    return np.unwrap(_within_pi(pitch)), np.unwrap(_within_pi(sideways), axis=0)
+
+
+def _within_pi(angle: np.ndarray) -> np.ndarray:
+    """Angles within ±π [rad]."""
+    return np.angle(np.exp(1j * angle))
 
 
 def planar_pose(track: Track) -> np.ndarray:
@@ -225,30 +231,27 @@ class _Picker:
             return self._scalars("x", "y", "z")
         return self._scalars("x", "y" if "y" in self._columns else "z")
 
-    def attitude(self, world: np.ndarray, planar: bool) -> tuple[Stream, bool]:
-        """Quaternions (n, 4) x, y, z, w, and whether they are from body to log.
-
-        Otherwise they are those of a pitch in the axes of this project.
-        """
+    def attitude(self, world: np.ndarray, planar: bool) -> _Attitude:
+        """Rotations where they are logged, or the pitch."""
         frame = self._mapping.frame
         name = self._columns.get("attitude")
         if isinstance(name, Markers):
-            stream = self._markers(name, planar)
-            if stream.values.shape[1] == 4:
-                return stream, True
-            ahead = _turn_points(stream.values, world)
-            pitch = -np.arctan2(ahead[:, 2], ahead[:, 0])[:, None]
+            points = self._markers(name, planar)
+            if not planar or points.values.shape[1] == 9:
+                return _of_matrices(points)
+            ahead = _turn_points(points.values, world)
+            pitch = points._replace(values=-np.arctan2(ahead[:, [2]], ahead[:, [0]]))
         elif name is not None:
-            return self._rotations(name), True
+            return self._rotations(name)
         elif self._columns.keys() >= set(_EULER):
-            order = frame.rotation or "ZYX"
-            return self._angles(self._scalars(*_EULER), order), True
+            return self._angles(self._scalars(*_EULER), frame.rotation or "ZYX")
         else:
-            stream = self._scalars("pitch")
-            is_up = (frame.pitch or frame.usual_pitch) == "nose_up"
-            pitch = -stream.values if is_up else stream.values
-        stream = stream._replace(values=pitch)
-        return _turned(stream, lambda v: Rotation.from_euler("y", v)), False
+            pitch = self._scalars("pitch")
+            if (frame.pitch or frame.usual_pitch) == "nose_up":
+                pitch = pitch._replace(values=-pitch.values)
+        pitch = pitch.known()
+        turns = Rotation.from_euler("y", pitch.values)
+        return _Attitude(pitch.time, turns, spatial=False)
 
     def servo(self) -> ServoLogs:
         """What is mapped of the servo, its rows with a number."""
@@ -281,46 +284,47 @@ class _Picker:
         found = self._recording.find_each(names, self._field(quantities[0]))
         return self._stream(quantities, found)
 
-    def _rotations(self, name: Names) -> Stream:
-        """Quaternions of the columns of an attitude."""
+    def _rotations(self, name: Names) -> _Attitude:
+        """Rotations of the columns of an attitude."""
         axes, found = self._find("attitude", name, _TURN)
-        stream = self._stream(("attitude",) * len(axes), found)
+        stream = self._stream(("attitude",) * len(axes), found).known()
         rotation = self._mapping.frame.rotation
         if len(axes) == 9:
             return _of_matrices(stream)
         if len(axes) == 3:
-            return self._angles(stream, rotation or self._recording.rotation)
+            return self._angles(stream, rotation or self._recording.rotation or "")
         if isinstance(name, list):  # In any order.
             letters = "".join(part[-1:].lower() for part in name)
             axes = letters if sorted(letters) == sorted("xyzw") else "0123"
-        usual = self._recording.rotation or ""
-        own = rotation or (usual if axes == "0123" else axes)
-        known = ("wxyz", "xyzw") if axes == "0123" else (axes,)
+        is_named = axes != "0123"
+        own = rotation or (axes if is_named else self._recording.rotation or "")
+        known = (axes,) if is_named else ("wxyz", "xyzw")
         expected = f"{' or '.join(known)}, the order of the quaternion's four numbers"
         self._check_rotation(own in known, own, expected)
-        order = [own.index(letter) for letter in "xyzw"]
-        stream = stream._replace(values=stream.values[:, order])
+        values = stream.values[:, [own.index(letter) for letter in "xyzw"]]
         with np.errstate(over="ignore"):
-            norm = np.linalg.norm(stream.values, axis=1)
+            norm = np.linalg.norm(values, axis=1)
         # Zeros stand for a body that is not seen; a damaged number may be huge.
-        stream.values[~((norm > 0.5) & (norm < 2.0))] = np.nan
-        norm = norm[np.isfinite(norm)]
-        if len(norm) and np.median(np.abs(norm - 1.0)) > 0.01:
+        seen = (norm > 0.5) & (norm < 2.0)
+        if seen.any() and np.median(np.abs(norm - 1.0)) > 0.01:
             reason = f"a quaternion has a length of {np.median(norm):.3g}; expected 1"
             raise self._error("attitude", reason)
-        return _turned(stream, Rotation.from_quat)
+        return _Attitude(stream.time[seen], Rotation.from_quat(values[seen]))
 
-    def _angles(self, stream: Stream, rotation: str | None) -> Stream:
-        rotation = rotation or ""
+    def _angles(self, stream: Stream, rotation: str) -> _Attitude:
+        """Rotations of three angles, in the order in which they are named."""
         known = rotation not in ("", "wxyz", "xyzw")
         expected = "XYZ or rotation_vector, ..., the meaning of its three angles"
         self._check_rotation(known, rotation, expected)
+        stream = stream.known()
+        angles = stream.values
         if rotation == "rotation_vector":
-            return _turned(stream, Rotation.from_rotvec)
+            return _Attitude(stream.time, Rotation.from_rotvec(angles))
         if self._mapping.frame.turns_pitch:
-            stream = stream._replace(values=stream.values * [1.0, -1.0, 1.0])
+            angles = angles * [1.0, -1.0, 1.0]
         order = ["XYZ".index(letter) for letter in rotation.upper()]
-        return _turned(stream, lambda v: Rotation.from_euler(rotation, v[:, order]))
+        turns = Rotation.from_euler(rotation, angles[:, order])
+        return _Attitude(stream.time, turns)
 
     def _check_rotation(self, known: bool, found: str, expected: str) -> None:
         """Refuses a `frame: {rotation: ...}` that does not say how angles are read."""
@@ -328,7 +332,7 @@ class _Picker:
         expect(known, what, found, expected)
 
     def _markers(self, markers: Markers, planar: bool) -> Stream:
-        """Attitude by points: x from tail to nose, y toward the left wing tip.
+        """Matrices (n, 9) by points: x from tail to nose, y toward the left wing tip.
 
         In a plane the way from tail to nose (n, 2).
         """
@@ -336,24 +340,25 @@ class _Picker:
         points = [self._point("attitude", name) for name in names if name]
         for point in points:  # Zeros stand for a marker that is not seen.
             point.values[np.all(point.values == 0.0, axis=1)] = np.nan
-        in_plane = points[0].values.shape[1] == 2
+        nose, *others = points
+        in_plane = nose.values.shape[1] == 2
         is_odd = in_plane and (not planar or len(points) > 2)
-        if is_odd or len({point.values.shape for point in points}) > 1:
+        if is_odd or any(other.values.shape != nose.values.shape for other in others):
             reason = "its markers differ in rows or axes, or are in a plane"
             expected = "the same of all, and in a plane a position, nose and tail"
             raise self._error("attitude", f"{reason}; expected {expected}")
-        nose, tail, *tips = (point.values for point in points)
-        ahead = nose - tail
+        ahead = nose.values - others[0].values
         if in_plane:
-            return points[0]._replace(values=ahead)
+            return nose._replace(values=ahead)
         # Without wing tips it is level: square to what is up.
-        level = np.cross(unit_vector(self._mapping.frame.up), ahead)
-        left = tips[0] - tips[1] if tips else level
+        left = np.cross(unit_vector(self._mapping.frame.up), ahead)
+        if markers.left:
+            left = others[1].values - others[2].values
         top = np.cross(ahead, left)
         axes = np.stack([ahead, np.cross(top, ahead), top], axis=2)
         with np.errstate(invalid="ignore", divide="ignore"):
             axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-        return _of_matrices(points[0]._replace(values=axes.reshape(-1, 9)))
+        return nose._replace(values=axes.reshape(-1, 9))
 
     def _point(self, quantity: str, name: Names | Markers) -> Stream:
         """Points (n, 3), or in a plane (n, 2) along it and up or down [m]."""
@@ -453,25 +458,12 @@ def _without_rounding(time: np.ndarray) -> np.ndarray:
     return clean
 
 
-def _of_matrices(stream: Stream) -> Stream:
-    """Quaternions of rotation matrices (n, 9), row by row, nan where none is one.
-
-    Zeros stand for a body that is not seen.
-    """
+def _of_matrices(stream: Stream) -> _Attitude:
+    """Rotations of matrices (n, 9), row by row; zeros are no matrix of one."""
+    stream = stream.known()
     matrices = stream.values.reshape(-1, 3, 3)
-    with np.errstate(invalid="ignore"):
-        is_one = np.linalg.det(matrices) > 0.5
-    values = np.where(is_one[:, None], stream.values, np.nan)
-    stream = stream._replace(values=values)
-    return _turned(stream, lambda v: Rotation.from_matrix(v.reshape(-1, 3, 3)))
-
-
-def _turned(stream: Stream, read: Callable[[np.ndarray], Rotation]) -> Stream:
-    """Quaternions of a stream's numbers, nan in rows where nothing was seen."""
-    seen = np.isfinite(stream.values).all(axis=1)
-    quaternion = np.full((len(seen), 4), np.nan)
-    quaternion[seen] = read(stream.values[seen]).as_quat()
-    return stream._replace(values=quaternion)
+    are_ones = np.linalg.det(matrices) > 0.5
+    return _Attitude(stream.time[are_ones], Rotation.from_matrix(matrices[are_ones]))
 
 
 def _world_axes(frame: Frame) -> np.ndarray:
@@ -491,17 +483,16 @@ def _turn_points(points: np.ndarray, world: np.ndarray) -> np.ndarray:
     return points @ world.T
 
 
-def _interpolate(stream: Stream, time: np.ndarray) -> np.ndarray:
+def _interpolate(attitude: _Attitude, time: np.ndarray) -> np.ndarray:
     """Rotations (n, 3, 3) at times (n,), nan where no attitude is near."""
-    known = stream.known()
+    known = attitude.time
     result = np.full((len(time), 3, 3), np.nan)
-    if len(known.time) > 1:
-        index = np.clip(np.searchsorted(known.time, time), 1, len(known.time) - 1)
-        before = known.time[index - 1]
-        after = known.time[index]
-        exact = np.minimum(np.abs(time - before), np.abs(after - time)) < _SAME_TIME
-        near = (before <= time) & (time <= after)
-        near &= exact | (after - before < _MAX_GAP)
-        slerp = Slerp(known.time, Rotation.from_quat(known.values))
-        result[near] = slerp(time[near]).as_matrix()
+    if len(known) > 1:
+        index = np.clip(np.searchsorted(known, time), 1, len(known) - 1)
+        since = time - known[index - 1]
+        until = known[index] - time
+        exact = np.minimum(np.abs(since), np.abs(until)) < _SAME_TIME
+        near = exact | (since + until < _MAX_GAP)
+        near &= (since >= 0.0) & (until >= 0.0)
+        result[near] = Slerp(known, attitude.turns)(time[near]).as_matrix()
     return result

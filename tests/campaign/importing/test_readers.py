@@ -159,7 +159,7 @@ def test_qtm(tmp_path):
     seen = np.delete(np.arange(len(flight.time)), [30, 31])
     true = foreign.rotation(flight).as_matrix().reshape(-1, 9)
     assert np.allclose(np.stack(turns, axis=1)[seen], true[seen], atol=1e-8)
-    pitch = values(table, "glider Pitch")
+    pitch = values(table, "glider.Pitch")
     assert pitch.unit == "deg" and np.isnan(pitch.values[30])
     assert np.allclose(pitch.values[seen], np.degrees(flight.pose[seen, 2]), atol=1e-6)
     time = values(table, "Time").values

@@ -1,8 +1,7 @@
 """Text exports of camera systems: Motive, Vicon's Nexus and Tracker, QTM.
 
 A column is named BODY.Position.X, BODY.Rotation.X (quaternions have a W, matrices are
-BODY.Rotation[0] to [8], row by row), or MARKER.Position.X; names in the header of a TSV
-file are known, too.
+BODY.Rotation[0] to [8], row by row), or MARKER.Position.X.
 """
 
 import itertools
@@ -27,10 +26,9 @@ _SECTIONS = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
 _PARTS = {"R": "Rotation", "T": "Position", "": "Position"}  # Nexus writes TX.
 _VICON_AXIS = re.compile(r"([RT]?)([XYZW])")
 _QTM_KEY = re.compile(r"[A-Z][A-Z_]+")
-_QTM_UNITS = dict.fromkeys("XYZ", "mm") | {_TIME: "s"}
-_QTM_UNITS |= dict.fromkeys(("Roll", "Pitch", "Yaw"), "deg")
-_QTM_MATRIX = {f"Rot[{k}]": f"Rotation[{3 * (k % 3) + k // 3}]" for k in range(9)}
-_QTM_VECTORS = {axis: f"Position.{axis}" for axis in "XYZ"} | _QTM_MATRIX
+_QTM_UNITS = dict.fromkeys("XYZ", "mm") | dict.fromkeys(("Roll", "Pitch", "Yaw"), "deg")
+_QTM_PARTS = {axis: f"Position.{axis}" for axis in "XYZ"}
+_QTM_PARTS |= {f"Rot[{k}]": f"Rotation[{3 * (k % 3) + k // 3}]" for k in range(9)}
 """Our names; QTM writes matrices column by column."""
 
 _Rows = list[list[str]]
@@ -40,11 +38,12 @@ _Columns = dict[str, Column]
 def parse_export(path: Path, text: str) -> Recording | None:
     """Parses an export of one of them; None for a text that is none."""
     lines = text.splitlines()
-    if text.startswith("Format Version"):
+    first = lines[0] if lines else ""
+    if first.startswith("Format Version"):
         return _parse_motive(path, split_rows(lines, ","))
-    if re.match(r"(FILE_VERSION|NO_OF_FRAMES)\t", text):
+    if first.startswith(("FILE_VERSION\t", "NO_OF_FRAMES\t")):
         return _parse_qtm(path, split_rows(lines, "\t"))
-    if text.lstrip().split("\n", 1)[0].strip(" \r,;\t") in _SECTIONS:
+    if first.strip(" ,;\t") in _SECTIONS:
         head = "".join(lines[:10])
         return _parse_vicon(path, split_rows(lines, max(",;\t", key=head.count)))
     return None
@@ -69,22 +68,23 @@ def _make_columns(
 def _parse_motive(path: Path, rows: _Rows) -> Recording:
     """Bodies and markers under six rows; lengths in the first's unit, angles in deg."""
     facts = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
-    heads = {row[1]: row for row in rows[1:8] if len(row) > 2}
     last = next((i for i, row in enumerate(rows) if row[:1] == ["Frame"]), 0)
-    axes = rows[last]
-    if not last or "Name" not in heads or len(axes) < 2:
+    bodies = next((row for row in rows[:last] if row[1:2] == ["Name"]), None)
+    if bodies is None or len(rows[last]) < 2:
         raise _refuse(path, "Motive", "its rows 'Name' and 'Frame', or times")
     order = facts.get("Rotation Type", "").upper()
     unit_of = {"Position": spell(facts.get("Length Units", ""))}
     angle = None if order == "QUATERNION" else "deg"
-    names = ["", _TIME]
-    units = [None, "s"]
-    heading = itertools.zip_longest(heads["Name"], rows[last - 1], axes, fillvalue="")
-    for body, part, axis in itertools.islice(heading, 2, len(axes)):
+    names = []
+    units = []
+    for body, part, axis in zip(bodies, rows[last - 1], rows[last], strict=False):
         names.append(f"{body}.{part}.{axis}" if axis in [*"XYZW"] else "")
         units.append(unit_of.get(part, angle))
-    table = Group("", _make_columns(number_rows(rows, last + 1), names, units), _TIME)
+    names[:2] = ["", _TIME]
+    units[:2] = [None, "s"]
+    columns = _make_columns(number_rows(rows, last + 1), names, units)
     is_euler = sorted(order) == ["X", "Y", "Z"]
+    table = Group("", columns, _TIME)
     return Recording(path, (table,), order if is_euler else None, up="y")
 
 
@@ -98,19 +98,16 @@ def _parse_vicon(path: Path, rows: _Rows) -> Recording:
         rate = to_number(header[0][0]) if header and header[0] else 0.0
         if len(header) < 4 or not rate > 0.0:
             raise _refuse(path, "Vicon", f"rate, names or units of its '{kind}'")
-        _, bodies, parts, spelled = header
+        _, bodies, parts, units = header
         owner = ""
         names: list[str] = []
         for body, part in itertools.zip_longest(bodies, parts, fillvalue=""):
             owner = (body or owner).removeprefix("Global Angle ").strip()
             axis = _VICON_AXIS.fullmatch(part.upper())
-            name = ""
-            if axis is not None and len(names) > 1:  # Numbers of frames are first.
-                name = f"{owner}.{_PARTS[axis[1]]}.{axis[2]}"
-            names.append(name)
+            names.append(f"{owner}.{_PARTS[axis[1]]}.{axis[2]}" if axis else "")
+        names[:2] = ["", ""]  # Numbers of frames.
         data = number_rows(rows, start + 5, end)
-        units = [spell(unit) for unit in spelled]
-        columns = _make_columns(data, names, units + [None] * len(names))
+        columns = _make_columns(data, names, [*map(spell, units), *[None] * len(names)])
         frames = make_column("Frame", data, 0, None)
         times = (frames.values - frames.values[:1].sum()) / rate
         columns[_TIME] = Column(times, "s", frames.fault)
@@ -121,14 +118,14 @@ def _parse_vicon(path: Path, rows: _Rows) -> Recording:
 def _parse_qtm(path: Path, rows: _Rows) -> Recording:
     """A TSV of QTM: rows of a key and values, a row of names, numbers in mm.
 
-    The attitude of bodies is their matrix: the meaning of the three angles is a setting
-    of QTM. A residual of -1 marks a row in which a body was not seen.
+    The attitude of bodies is their matrix: the meaning of BODY.Roll, Pitch and Yaw is a
+    setting of QTM. A residual of -1 marks a row in which a body was not seen.
     """
     heads = itertools.takewhile(lambda r: not r or _QTM_KEY.fullmatch(r[0]), rows)
-    facts = {row[0]: [cell for cell in row[1:] if cell] for row in heads if row}
+    facts = {row[0]: row[1:] for row in heads if row}
     first = next((i for i, r in enumerate(rows) if r and r[0] not in facts), -1)
-    bodies = facts.get("BODY_NAMES", []) + facts.get("MARKER_NAMES", [])
-    if first < 0 or not bodies or np.isfinite(to_number(rows[first][0])):
+    has_bodies = {"BODY_NAMES", "MARKER_NAMES"} & facts.keys()
+    if first < 0 or not has_bodies or np.isfinite(to_number(rows[first][0])):
         raise _refuse(path, "QTM", "6D or 3D data, or the row of their names")
     owner = ""
     names = []
@@ -136,20 +133,17 @@ def _parse_qtm(path: Path, rows: _Rows) -> Recording:
     for cell in rows[first]:
         before, _, part = cell.rpartition(" ")
         owner = before or owner
-        names.append(f"{owner} {part}" if cell and owner else cell)
+        names.append(f"{owner}.{_QTM_PARTS.get(part, part)}" if owner else cell)
         units.append(_QTM_UNITS.get(part))
     data = number_rows(rows, first + 1)
     columns = _make_columns(data, names, units)
+    rate = to_number(facts.get("FREQUENCY", [""])[0])
     if _TIME not in columns:
-        rate = to_number(facts.get("FREQUENCY", [""])[0])
         if not rate > 0.0:
             raise _refuse(path, "QTM", "times, or a FREQUENCY in Hz")
         columns[_TIME] = Column(np.arange(len(data)) / rate, "s")
-    unseen = {n: c.values < 0.0 for n, c in columns.items() if n.endswith(" Residual")}
-    for name, column in list(columns.items()):
-        body, _, part = name.rpartition(" ")
-        if f"{body} Residual" in unseen:
-            column.values[unseen[f"{body} Residual"]] = np.nan
-        if body in bodies and part in _QTM_VECTORS:
-            columns[f"{body}.{_QTM_VECTORS[part]}"] = column
+    for name, column in columns.items():
+        residual = columns.get(f"{name.partition('.')[0]}.Residual")
+        if residual is not None and column is not residual:
+            column.values[residual.values < 0.0] = np.nan
     return Recording(path, (Group("", columns, _TIME),), up="z")
