@@ -391,7 +391,7 @@ def _is_angle(log: Recording, columns: _Columns) -> bool:
     command, unit = _values(log, name)
     if unit or _are_pulses(command):
         return unit in (None, "deg", "rad")
-    angle, _ = _values(log, columns.get("elevator", name))
+    angle, _ = _values(log, columns.get("elevator") or name)
     if re.search(_IS_RATE, _words(name)) or len(angle) != len(command):
         return False
     logged = np.stack([command, np.gradient(angle), angle])
