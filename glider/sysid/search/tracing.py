@@ -68,6 +68,12 @@ class SearchResult:
         """The model in which the effects were compared."""
         return self.model if self.forces is None else self.forces
 
+    def without_effects(self) -> "SearchResult":
+        """Returns the outcome in which the bare model is all that was found."""
+        return dataclasses.replace(
+            self, model=self.bare, evidence={}, names={}, rivals=(), near=set()
+        )
+
 
 def trace(task: Task, noise: Noise, progress: Progress) -> SearchResult:
     """Finds the effects that the flights show.

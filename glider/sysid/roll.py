@@ -1,0 +1,231 @@
+"""A roll that the log does not show, as another explanation of what flights lack.
+
+A flight's bank grows evenly from one angle to another, to either side. It turns the
+lift aside; the glider slips, loses angle of attack, and its fin turns it into the slip.
+All of that is of second order in the bank, so that flights show its size and not its
+side. Given the two angles, and what the fin does, the motion across the plane follows
+from the measured one: flights are made ready as if their roll and yaw were logged.
+
+The angles of a flight have a normal prior about zero whose spreads are fitted. Flights
+roll if the marginal likelihood of the glider without effects, each flight's two angles
+integrated out, is greater than that of all effects that were found without roll.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from glider.campaign.checks.masks import Masks, masks_of
+from glider.campaign.logs import Campaign
+from glider.compiled.parallel import in_parallel
+from glider.physics.parameters import GliderParameters
+from glider.sysid.constants import EVIDENCE_THRESHOLD
+from glider.sysid.likelihood.filtering import whiten
+from glider.sysid.likelihood.model_fit import error_flights, fit_model
+from glider.sysid.likelihood.task import FitResult, Task
+from glider.sysid.replay.record import Noise, Record, prepare
+
+_PROBES = 0.1, 0.2, 0.4  # Banks at the end with which a fit begins [rad].
+_FINS = 0.0, 0.7, 3.0  # Yaw acceleration over airspeed and slip that are tried [1/m].
+_STEP = 0.01  # Of a bank, for slopes [rad].
+_MOST = 0.9  # Bank that is no slight one any more [rad].
+_LEAST = 0.01  # Spread of banks below which flights show none [rad].
+_SPREADS = 0.05, 0.15  # Of banks at launch and at the end, to begin with [rad].
+_ROUNDS = 6  # Of banks, spreads and coefficients that depend on each other.
+_STEPS = 3  # Of Gauss-Newton in each.
+_SHARES = 1.0, 0.3, 0.1  # Of a step that are tried.
+_TOLERANCE = 0.5  # Gain of a round below which banks are found [nats].
+_LEAST_IN_PLANE = 0.05  # Share of the wing's normal, squared.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _Rolls:
+    """A model of flights that roll."""
+
+    fin: float  #: See _FINS.
+    banks: np.ndarray  #: (F, 2) at the first and last node [rad].
+    spreads: np.ndarray  #: (2,) of them over flights [rad].
+    model: FitResult
+    cost: float  #: Negative log of the marginal posterior [nats].
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RollSearch:
+    """Flights whose roll is not logged."""
+
+    task: Task
+    campaign: Campaign  #: Its flights, which are the task's and others.
+    noise: Noise
+    masks: Mapping[str, Masks]
+
+    def find_bank(
+        self, found: FitResult, bare: FitResult, found_cost: float
+    ) -> float | None:
+        """Finds the bank at the end, RMS over flights [rad], if they roll; else None.
+
+        Args:
+            found: the model with the effects that explain flights that do not roll.
+            bare: the model without any.
+            found_cost: of the former, with the thresholds of its effects [nats].
+        """
+        costs = [self._costs_at_end(found, bank) for bank in (0.0, *_PROBES)]
+        if np.sum(costs[0] - np.min(costs, axis=0)) < EVIDENCE_THRESHOLD:
+            return None
+        begun = [self._fit(self._begin(bare, fin), rounds=2) for fin in _FINS]
+        rolls = self._fit(min(begun, key=lambda own: own.cost), rounds=_ROUNDS)
+        if rolls.cost + rolls.model.freedom + EVIDENCE_THRESHOLD > found_cost:
+            return None
+        return float(np.sqrt(np.mean(rolls.banks[:, 1] ** 2)))
+
+    def _costs_at_end(
+        self, model: FitResult, bank: float, fin: float = _FINS[1]
+    ) -> np.ndarray:
+        """Costs of flights (F,) that begin level and end with one bank."""
+        banks = np.tile([0.0, bank], (len(self.task.records), 1))
+        errors, constant = self._errors(model, banks, fin)
+        return _half_squares(errors) + constant
+
+    def _begin(self, model: FitResult, fin: float) -> _Rolls:
+        """Rolls with each flight's best bank of those that are probed."""
+        costs = [self._costs_at_end(model, bank, fin) for bank in _PROBES]
+        banks = np.zeros((len(self.task.records), 2))
+        banks[:, 1] = np.array(_PROBES)[np.argmin(costs, axis=0)]
+        spreads = np.array(_SPREADS)
+        return _Rolls(fin=fin, banks=banks, spreads=spreads, model=model, cost=np.inf)
+
+    def _fit(self, best: _Rolls, rounds: int) -> _Rolls:
+        """Fits banks, their spreads, and the model's coefficients and scales."""
+        for _ in range(rounds):
+            banks, curvature = self._best_banks(best)
+            covariance = np.linalg.inv(curvature + np.diag(best.spreads**-2.0))
+            squares = banks**2 + np.diagonal(covariance, axis1=1, axis2=2)
+            spreads = np.maximum(np.sqrt(np.mean(squares, axis=0)), _LEAST)
+            rolled = self._rolled(banks, best.fin)
+            model = fit_model(rolled, best.model, with_strength=True)
+            # Laplace's approximation of the integral over the banks.
+            relative = spreads[:, None] * curvature * spreads + np.eye(2)
+            volume = 0.5 * float(np.linalg.slogdet(relative)[1].sum())
+            cost = model.cost + volume + 0.5 * float(np.sum((banks / spreads) ** 2))
+            if not cost < best.cost - _TOLERANCE:
+                break
+            best = dataclasses.replace(
+                best, banks=banks, spreads=spreads, model=model, cost=cost
+            )
+
+        return best
+
+    def _best_banks(self, rolls: _Rolls) -> tuple[np.ndarray, np.ndarray]:
+        """Likeliest banks (F, 2), and the curvature of the flights' cost (F, 2, 2)."""
+        banks = rolls.banks
+        precision = rolls.spreads**-2.0
+        errors, constant = self._errors(rolls.model, banks, rolls.fin)
+        least = _half_squares(errors) + constant + 0.5 * banks**2 @ precision
+        curvature = np.zeros((len(banks), 2, 2))
+        for _ in range(_STEPS):
+            slopes = []
+            for moved in banks + _STEP * np.eye(2)[:, None]:
+                others, _ = self._errors(rolls.model, moved, rolls.fin)
+                pairs = zip(others, errors, strict=True)
+                slopes.append([(other - error) / _STEP for other, error in pairs])
+            by_bank = [np.stack(own) for own in zip(*slopes, strict=True)]
+            curvature = np.array([own @ own.T for own in by_bank])
+            pairs = zip(by_bank, errors, strict=True)
+            slope = np.array([own @ error for own, error in pairs]) + banks * precision
+            whole = curvature + np.diag(precision)
+            step = -np.linalg.solve(whole, slope[..., None])[..., 0]
+            for share in _SHARES:
+                moved = np.clip(banks + share * step, -_MOST, _MOST)
+                others, constant = self._errors(rolls.model, moved, rolls.fin)
+                cost = _half_squares(others) + constant + 0.5 * moved**2 @ precision
+                better = cost < least
+                least = np.where(better, cost, least)
+                banks = np.where(better[:, None], moved, banks)
+                step = np.where(better[:, None], 0.0, step)
+                for i in np.flatnonzero(better):
+                    errors[i] = others[i]
+
+        return banks, curvature
+
+    def _errors(
+        self, model: FitResult, banks: np.ndarray, fin: float
+    ) -> tuple[list[np.ndarray], np.ndarray]:
+        """White errors of each flight, and the part of its cost that is no square."""
+        flights = error_flights(self._rolled(banks, fin), model)
+        whitened = in_parallel(lambda f: whiten(f, model.scales), flights)
+        errors = [own.innovations.ravel() for own in whitened]
+        return errors, np.array([0.5 * own.log_variances.sum() for own in whitened])
+
+    def _rolled(self, banks: np.ndarray, fin: float) -> Task:
+        """The task on the flights as if their roll and yaw were logged."""
+        nominal = vars(GliderParameters()) | self.campaign.vehicle
+        attitudes = attitudes_of(self.task.records, banks, fin, nominal)
+        logged = {flight.name: flight for flight in self.campaign.flights}
+        flights = []
+        for record, own in zip(self.task.records, attitudes, strict=True):
+            flight = logged[record.name]
+            begin = flight.time[np.argmax(masks_of(flight, self.masks).usable)]
+            at = flight.time - begin
+            attitude = np.column_stack([np.interp(at, record.time, c) for c in own.T])
+            flights.append(dataclasses.replace(flight, attitude=attitude))
+
+        space = self.task.space
+        turned = prepare(flights, self.campaign, self.noise, space, self.masks)
+        pairs = zip(turned, self.task.records, strict=True)
+        return self.task.on(
+            [dataclasses.replace(new, place=old.place) for new, old in pairs]
+        )
+
+
+def _half_squares(errors: Sequence[np.ndarray]) -> np.ndarray:
+    """Half of the sum of squares of each flight's errors (F,)."""
+    return np.array([0.5 * float(own @ own) for own in errors])
+
+
+def attitudes_of(
+    records: Sequence[Record], banks: np.ndarray, fin: float, vehicle: Mapping
+) -> list[np.ndarray]:
+    """Computes y [m], roll and yaw [rad] at the nodes (n, 3) of flights that roll.
+
+    Args:
+        records: the flights, F of them; their motion in the plane is the measured one.
+        banks: (F, 2) of the wing to the horizon at the first and last node [rad].
+        fin: yaw acceleration over airspeed and slip [1/m].
+        vehicle: the glider's parameters by name.
+    """
+    arm = vehicle["hinge_offset"] + vehicle["elevator_offset"]
+    push_per_turn = vehicle["pitch_inertia"] / (arm * vehicle["mass"])
+    found = []
+    for record, (first, last) in zip(records, banks, strict=True):
+        time = record.time
+        bank = first + (last - first) * time / time[-1]
+        sin, cos = np.sin(bank), np.cos(bank)
+        # The pitch in the glider's own plane is another.
+        sin_pitch = np.clip(np.sin(record.nodes[:, 2]) / cos, -1.0, 1.0)
+        cos_pitch = np.sqrt(1.0 - sin_pitch**2)
+        velocity = record.nodes[:, 4:6]
+        force = record.acceleration[:, :2] + [0.0, vehicle["gravity"]]  # Per mass.
+        y, ydot, yaw, turning = np.zeros((4, len(time)))
+        for k, step in enumerate(np.diff(time)):
+            ahead, aside = np.cos(yaw[k]), np.sin(yaw[k])
+            top_x = ahead * sin_pitch[k] + aside * cos_pitch[k] * sin[k]
+            top_y = aside * sin_pitch[k] - ahead * cos_pitch[k] * sin[k]
+            top_z = cos_pitch[k] * cos[k]
+            lift = force[k, 0] * top_x + force[k, 1] * top_z
+            lift = lift / max(top_x**2 + top_z**2, _LEAST_IN_PLANE)
+            left_y = ahead * cos[k]
+            slip = -velocity[k, 0] * aside * cos[k] + velocity[k, 1] * sin[k]
+            slip += ydot[k] * left_y
+            speed = np.hypot(np.hypot(*velocity[k]), ydot[k])
+            weathervane = fin * speed * (slip - arm * turning[k])
+            push = lift * top_y - push_per_turn * weathervane * left_y
+            turning[k + 1] = turning[k] + step * weathervane
+            ydot[k + 1] = ydot[k] + step * push
+            yaw[k + 1] = yaw[k] + step * turning[k + 1]
+            y[k + 1] = y[k] + 0.5 * step * (ydot[k] + ydot[k + 1])
+
+        roll = np.arctan2(sin, cos_pitch * cos)
+        yaw = yaw + np.arctan2(sin_pitch * sin, cos_pitch)
+        found.append(np.column_stack([y, roll, yaw]))
+
+    return found
