@@ -18,10 +18,10 @@ from glider.physics.model import GliderModel
 from glider.physics.state import NUM_STATES, POSITION
 from glider.planning.constraints import constraints_of
 from glider.planning.dircol import plan
-from glider.planning.guess import straight_line
 from glider.planning.path import Path
 from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
+from glider.planning.program import straight_duration
 
 _RATE_COST = 0.1
 """Weight of the elevator's squared rate [1/(rad²/s)] beside the goal's weights of
@@ -95,8 +95,7 @@ class Replanner:
         Raises:
             PlanningError: there is none to the wire.
         """
-        line = straight_line(self._model, self._problem)
-        knots = max(_FEWEST, round(line.states.end_time() / _SPACING))
+        knots = max(_FEWEST, round(straight_duration(self._problem) / _SPACING))
         return ReplanResult(plan(self._model, self._problem, [knots]), begin=0.0)
 
     def begin(self, first: ReplanResult, now: float, state: np.ndarray) -> ReplanResult:

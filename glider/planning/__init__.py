@@ -2,6 +2,6 @@
 
 problem: what a perch asks for, and its hook. constraints: what that demands of a
 flight, read by all that follows. dircol: Drake's direct collocation, of the program in
-program; path and guess. sampling: planners over explicit steps. plan: what all of them
-return, and its file.
+program; path. sampling: planners over explicit steps. plan: what all of them return,
+and its file.
 """

@@ -14,7 +14,6 @@ from glider.errors import expect
 from glider.physics.flown_range import warn_beyond
 from glider.physics.model import GliderModel, as_model
 from glider.planning.constraints import Violation, constraints_of, find_violations
-from glider.planning.guess import Guess, straight_line
 from glider.planning.path import Path
 from glider.planning.plan import Attempt, Plan
 from glider.planning.problem import PerchingProblem
@@ -91,19 +90,14 @@ def plan(
     problem = PerchingProblem() if problem is None else problem
     attempts: list[Attempt] = []
     reached: list[list[Violation]] = []
-    start = None
+    start: Plan | None = None
     for count in listed:
-        start = start or straight_line(model, problem)
-        progress(f"{count} knots, from {start.name}")
+        progress(f"{count} knots, from {_name(start)}")
         found, violations = _solve(model, problem, count, start)
         attempts += found.attempts
         reached.append(violations)
         if found.attempts[-1].solved:
-            start = Guess(
-                name="the plan on fewer knots",
-                states=found.state_trajectory,
-                inputs=found.input_trajectory,
-            )
+            start = found
     if not attempts[-1].solved:
         best = min(reached, key=lambda found: found[0].amount if found else 0.0)
         raise PlanningError(tuple(attempts), best)
@@ -120,17 +114,18 @@ def can_perch(
         InputError: the launch is no state, or outside the problem's limits.
     """
     own = dataclasses.replace(problem, launch=list(launch))
-    found, _ = _solve(model, own, _FEW, straight_line(model, own))
+    found, _ = _solve(model, own, _FEW)
     return found.attempts[-1].solved
 
 
 def _solve(
-    model: GliderModel, problem: PerchingProblem, knots: int, start: Guess
+    model: GliderModel, problem: PerchingProblem, knots: int, start: Plan | None = None
 ) -> tuple[Plan, list[Violation]]:
     """Solves Drake's program once; returns the path found and what it violates."""
     begin = time.perf_counter()
     dc = perching_program(model, problem, knots)
-    dc.SetInitialTrajectory(start.inputs, start.states)
+    if start is not None:
+        dc.SetInitialTrajectory(start.input_trajectory, start.state_trajectory)
     with _quiet():
         result = SnoptSolver().Solve(dc.prog(), None, _options())
     times = dc.GetSampleTimes(result)
@@ -143,7 +138,7 @@ def _solve(
     attempt = Attempt(
         knots=knots,
         solver="SNOPT",
-        guess=start.name,
+        guess=_name(start),
         tolerance=_TOLERANCE,
         solved=result.is_success() and worst <= _KEPT,
         status=_status(result),
@@ -171,6 +166,10 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         log.setLevel(level)
+
+
+def _name(start: Plan | None) -> str:
+    return "a straight line" if start is None else "the plan on fewer knots"
 
 
 def _options() -> SolverOptions:

@@ -2,12 +2,12 @@
 
 import numpy as np
 from pydrake.planning import DirectCollocation
+from pydrake.trajectories import PiecewisePolynomial
 
 from glider.errors import expect
 from glider.physics.model import GliderModel, as_model
 from glider.physics.state import NUM_STATES
 from glider.planning.constraints import check_plannable, constraints_of
-from glider.planning.guess import straight_line
 from glider.planning.problem import PerchingProblem
 from glider.systems.plant import GliderPlant
 
@@ -56,9 +56,22 @@ def perching_program(
     weights = np.diag(problem.goal_weights)
     final = dc.final_state()[:NUM_STATES]
     dc.prog().AddQuadraticErrorCost(weights, np.array(problem.goal), final)
-    guess = straight_line(model, problem)
-    dc.SetInitialTrajectory(guess.inputs, guess.states)
+    ends = [0.0, straight_duration(problem)]
+    goal = model.initial_state(problem.goal)
+    line = PiecewisePolynomial.FirstOrderHold(ends, np.column_stack([launch, goal]))
+    dc.SetInitialTrajectory(
+        PiecewisePolynomial.FirstOrderHold(ends, np.zeros((1, 2))), line
+    )
     return dc
+
+
+def straight_duration(problem: PerchingProblem) -> float:
+    """Time from the launch straight to the wire, at 5/8 of the speed [s]."""
+    x, z = np.subtract(problem.wire, problem.launch[:2])
+    xdot, zdot = problem.launch[4:6]
+    duration = 1.6 * np.hypot(x, z) / np.hypot(xdot, zdot)
+    shortest, longest = problem.duration_limits
+    return float(np.clip(duration, shortest, longest))
 
 
 def _bound(dc, variables, low, high, name):
