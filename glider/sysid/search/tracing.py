@@ -196,10 +196,15 @@ def _explaining(
 ) -> str | None:
     """Returns the formula at a function's link that explains it best, None if none.
 
-    In the place of the function, everything refitted, it gains a share of what the
-    function does.
+    In the place of the function, the other coefficients fitted again with the noise
+    that the function leaves, it gains a share of what the function does.
     """
-    rest = search.fit_without(model, function)
+
+    def fit(start: FitResult) -> FitResult:
+        start = dataclasses.replace(start, scales=model.scales)
+        return fit_model(search.task, start, free_scales=(), with_strength=True)
+
+    rest = fit(model.without(search.task, function))
     near = search.near(rest)
     if near is None:
         return None
@@ -208,7 +213,7 @@ def _explaining(
     for kind in formulas_at(function):
         options = near.among({kind}).larger(members)
         if best := max(options, key=near.gain, default=None):
-            fits[kind] = search.fit(near.begin(best))
+            fits[kind] = fit(near.begin(best))
 
     if not fits:
         return None
