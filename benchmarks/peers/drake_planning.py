@@ -8,7 +8,7 @@ from glider.planning.problem import PerchingProblem
 
 
 def pairs() -> tuple[Pair, ...]:
-    """Returns the article's perch on 25, then 41 knots."""
+    """Returns the article's perch on 41 knots."""
     model, problem = GliderModel(), PerchingProblem()
     costs: dict[str, float] = {}
 
@@ -20,7 +20,7 @@ def pairs() -> tuple[Pair, ...]:
 
     return (
         Pair(
-            task="plan on 25, then 41 knots, checked",
+            task="plan on 41 knots, checked",
             peer="plain Drake with SNOPT",
             ours=ours,
             theirs=theirs,

@@ -96,7 +96,7 @@ class Replanner:
             PlanningError: there is none to the wire.
         """
         knots = max(_FEWEST, round(straight_duration(self._problem) / _SPACING))
-        return ReplanResult(plan(self._model, self._problem, [knots]), begin=0.0)
+        return ReplanResult(plan(self._model, self._problem, knots), begin=0.0)
 
     def begin(self, first: ReplanResult, now: float, state: np.ndarray) -> ReplanResult:
         """Lets the first plan count from its knot nearest to a state (n,) [s]."""

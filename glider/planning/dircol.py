@@ -1,4 +1,4 @@
-"""Plans a perch by Drake's direct collocation: first on few knots, then on more."""
+"""Plans a perch by Drake's direct collocation."""
 
 import contextlib
 import dataclasses
@@ -15,7 +15,7 @@ from glider.physics.flown_range import warn_beyond
 from glider.physics.model import GliderModel, as_model
 from glider.planning.constraints import Violation, constraints_of, find_violations
 from glider.planning.path import Path
-from glider.planning.plan import Attempt, Plan
+from glider.planning.plan import Plan
 from glider.planning.problem import PerchingProblem
 from glider.planning.program import perching_program
 from glider.progress import Progress, silent
@@ -36,35 +36,33 @@ _FEW = 25
 
 
 class PlanningError(RuntimeError):
-    """No attempt found a plan.
+    """No plan was found.
 
     Attributes:
-        attempts: what was tried.
-        violations: what the best path found violates, the largest amount in SI units
-            first.
+        status: of the solver.
+        violations: what the path found violates, the largest amount in SI units first.
     """
 
-    def __init__(self, attempts: tuple[Attempt, ...], violations: list[Violation]):
+    def __init__(self, status: str, violations: list[Violation]):
         """Composes the message of the attributes."""
-        self.attempts = attempts
+        self.status = status
         self.violations = violations
-        tried = [f"{a.solver} on {a.knots} knots: {a.status}" for a in attempts]
-        text = f"No plan ({'; '.join(tried)}). "
+        text = f"No plan (SNOPT: {status}). "
         if violations:
             worst = violations[0]
-            text += f"The best path found violates '{worst.name}' the most, "
+            text += f"The path found violates '{worst.name}' the most, "
             text += f"by {worst.size}."
         super().__init__(text)
 
     def __reduce__(self):
         """Pickles by what `PlanningError` holds, not by its message."""
-        return type(self), (self.attempts, self.violations)
+        return type(self), (self.status, self.violations)
 
 
 def plan(
     model: GliderModel | FilePath | str,
     problem: PerchingProblem | None = None,
-    knots: Sequence[int] = (25, 41),
+    knots: int = 41,
     *,
     progress: Progress = silent,
 ) -> Plan:
@@ -75,57 +73,20 @@ def plan(
             in still air.
         problem: what to fly, None for the article's perch; the elevator's limits
             are the vehicle's.
-        knots: numbers of knots; each plan is the guess for the next.
-        progress: called with a description of each attempt.
+        knots: number of knots, at least 3.
+        progress: called with a line of text when the work begins.
 
     Raises:
         InputError: where the glider or the problem cannot be planned for.
-        PlanningError: where no attempt succeeds.
+        PlanningError: where no plan is found.
     """
-    listed = list(knots) if np.iterable(knots) else []
-    good = listed and all(isinstance(k, (int, np.integer)) and k >= 3 for k in listed)
-    expected = "a list of one whole number or more, each at least 3"
-    expect(good, "plan: 'knots'", knots, expected)
+    good = isinstance(knots, (int, np.integer)) and knots >= 3
+    expect(good, "plan: 'knots'", knots, "a whole number, at least 3")
     model = as_model(model)
     problem = PerchingProblem() if problem is None else problem
-    attempts: list[Attempt] = []
-    reached: list[list[Violation]] = []
-    start: Plan | None = None
-    for count in listed:
-        progress(f"{count} knots, from {_name(start)}")
-        found, violations = _solve(model, problem, count, start)
-        attempts += found.attempts
-        reached.append(violations)
-        if found.attempts[-1].solved:
-            start = found
-    if not attempts[-1].solved:
-        best = min(reached, key=lambda found: found[0].amount if found else 0.0)
-        raise PlanningError(tuple(attempts), best)
-    warn_beyond("The plan", model, found.times, found.states, found.inputs)
-    return dataclasses.replace(found, attempts=tuple(attempts))
-
-
-def can_perch(
-    model: GliderModel, problem: PerchingProblem, launch: Sequence[float]
-) -> bool:
-    """Determines whether `plan` finds a plan from a launch (7,) to the wire.
-
-    Raises:
-        InputError: the launch is no state, or outside the problem's limits.
-    """
-    own = dataclasses.replace(problem, launch=list(launch))
-    found, _ = _solve(model, own, _FEW)
-    return found.attempts[-1].solved
-
-
-def _solve(
-    model: GliderModel, problem: PerchingProblem, knots: int, start: Plan | None = None
-) -> tuple[Plan, list[Violation]]:
-    """Solves Drake's program once; returns the path found and what it violates."""
+    progress(f"planning on {knots} knots")
     begin = time.perf_counter()
     dc = perching_program(model, problem, knots)
-    if start is not None:
-        dc.SetInitialTrajectory(start.input_trajectory, start.state_trajectory)
     with _quiet():
         result = SnoptSolver().Solve(dc.prog(), None, _options())
     times = dc.GetSampleTimes(result)
@@ -135,30 +96,41 @@ def _solve(
     constraints = constraints_of(problem, model.parameters.servo)
     violations = find_violations(constraints, path)
     worst = violations[0].amount if violations else 0.0
-    attempt = Attempt(
-        knots=knots,
-        solver="SNOPT",
-        guess=_name(start),
-        tolerance=_TOLERANCE,
-        solved=result.is_success() and worst <= _KEPT,
-        status=_status(result),
-        seconds=time.perf_counter() - begin,
-    )
-    found = Plan(
+    if not result.is_success() or worst > _KEPT:
+        raise PlanningError(_status(result), violations)
+    warn_beyond("The plan", model, path.times, states, inputs)
+    return Plan(
         times=path.times,
         states=states.copy(),
         slopes=path.slopes,
         inputs=inputs.copy(),
         state_names=model.state_names,
         cost=result.get_optimal_cost(),
-        attempts=(attempt,),
+        seconds=time.perf_counter() - begin,
     )
-    return found, violations
+
+
+def can_perch(
+    model: GliderModel, problem: PerchingProblem, launch: Sequence[float]
+) -> bool:
+    """Determines whether `plan` finds a plan from a launch (7,) to the wire.
+
+    On fewer knots than it, in half the time.
+
+    Raises:
+        InputError: the launch is no state, or outside the problem's limits.
+    """
+    own = dataclasses.replace(problem, launch=list(launch))
+    try:
+        plan(model, own, _FEW)
+    except PlanningError:
+        return False
+    return True
 
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silences Drake's warnings of failed attempts."""
+    """Silences Drake's warnings of solves that fail."""
     log = logging.getLogger("drake")
     level = log.level
     log.setLevel(logging.ERROR)
@@ -166,10 +138,6 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         log.setLevel(level)
-
-
-def _name(start: Plan | None) -> str:
-    return "a straight line" if start is None else "the plan on fewer knots"
 
 
 def _options() -> SolverOptions:

@@ -8,19 +8,6 @@ import numpy as np
 from pydrake.trajectories import PiecewisePolynomial
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Attempt:
-    """One call of a solver on the way to a plan."""
-
-    knots: int
-    solver: str
-    guess: str
-    tolerance: float
-    solved: bool
-    status: str
-    seconds: float
-
-
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
     """A flight from a launch, and what every planner returns.
@@ -37,7 +24,7 @@ class Plan:
             held.
         state_names: STATE_NAMES, then the effects' own states.
         cost: that the planner minimized.
-        attempts: calls of a solver, the last one with success.
+        seconds: time that planning took [s].
     """
 
     times: np.ndarray
@@ -46,7 +33,7 @@ class Plan:
     inputs: np.ndarray
     state_names: tuple[str, ...]
     cost: float
-    attempts: tuple[Attempt, ...] = ()
+    seconds: float = 0.0
 
     def __repr__(self) -> str:
         """Returns one line, as a notebook shows it."""
@@ -63,11 +50,6 @@ class Plan:
     def duration(self) -> float:
         """Time from launch to end [s]."""
         return float(self.times[-1])
-
-    @property
-    def seconds(self) -> float:
-        """Time that planning took [s]."""
-        return sum(attempt.seconds for attempt in self.attempts)
 
     @property
     def is_held(self) -> bool:

@@ -21,7 +21,8 @@ from glider.campaign.logs import Campaign
 from glider.compiled.parallel import in_parallel
 from glider.physics.parameters import GliderParameters
 from glider.sysid.constants import EVIDENCE_THRESHOLD
-from glider.sysid.likelihood.filtering import whiten
+from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
+from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Noise, Record, prepare
@@ -33,8 +34,8 @@ _MOST = 0.9  # Bank that is no slight one any more [rad].
 _LEAST = 0.01  # Spread of banks below which flights show none [rad].
 _SPREADS = 0.05, 0.15  # Of banks at launch and at the end, to begin with [rad].
 _ROUNDS = 6  # Of banks, spreads and coefficients that depend on each other.
-_STEPS = 3  # Of Gauss-Newton in each.
-_SHARES = 1.0, 0.3, 0.1  # Of a step that are tried.
+_STEPS = 5  # Of Gauss-Newton in each.
+_LESS = 0.3  # Of a step after one that gains nothing.
 _TOLERANCE = 0.5  # Gain of a round below which banks are found [nats].
 _LEAST_IN_PLANE = 0.05  # Share of the wing's normal, squared.
 
@@ -83,8 +84,7 @@ class RollSearch:
     ) -> np.ndarray:
         """Costs of flights (F,) that begin level and end with one bank."""
         banks = np.tile([0.0, bank], (len(self.task.records), 1))
-        errors, constant = self._errors(model, banks, fin)
-        return _half_squares(errors) + constant
+        return negative_log_likelihood(self._flights(model, banks, fin), model.scales)
 
     def _begin(self, model: FitResult, fin: float) -> _Rolls:
         """Rolls with each flight's best bank of those that are probed."""
@@ -117,44 +117,46 @@ class RollSearch:
 
     def _best_banks(self, rolls: _Rolls) -> tuple[np.ndarray, np.ndarray]:
         """Likeliest banks (F, 2), and the curvature of the flights' cost (F, 2, 2)."""
-        banks = rolls.banks
+        scales = rolls.model.scales
         precision = rolls.spreads**-2.0
-        errors, constant = self._errors(rolls.model, banks, rolls.fin)
-        least = _half_squares(errors) + constant + 0.5 * banks**2 @ precision
+
+        def errors_at(banks: np.ndarray) -> list[np.ndarray]:
+            flights = self._flights(rolls.model, banks, rolls.fin)
+            return in_parallel(lambda f: whiten(f, scales).innovations.ravel(), flights)
+
+        def costs_at(banks: np.ndarray) -> np.ndarray:
+            flights = self._flights(rolls.model, banks, rolls.fin)
+            prior = 0.5 * banks**2 @ precision
+            return negative_log_likelihood(flights, scales) + prior
+
+        banks = rolls.banks
+        least = costs_at(banks)
+        share = np.ones((len(banks), 1))
         curvature = np.zeros((len(banks), 2, 2))
         for _ in range(_STEPS):
-            slopes = []
-            for moved in banks + _STEP * np.eye(2)[:, None]:
-                others, _ = self._errors(rolls.model, moved, rolls.fin)
-                pairs = zip(others, errors, strict=True)
-                slopes.append([(other - error) / _STEP for other, error in pairs])
-            by_bank = [np.stack(own) for own in zip(*slopes, strict=True)]
-            curvature = np.array([own @ own.T for own in by_bank])
-            pairs = zip(by_bank, errors, strict=True)
-            slope = np.array([own @ error for own, error in pairs]) + banks * precision
+            errors = errors_at(banks)
+            moved = [errors_at(banks + _STEP * axis) for axis in np.eye(2)]
+            slope = banks * precision
+            for i, (error, *others) in enumerate(zip(errors, *moved, strict=True)):
+                by_bank = (np.array(others) - error) / _STEP
+                curvature[i] = by_bank @ by_bank.T
+                slope[i] += by_bank @ error
             whole = curvature + np.diag(precision)
             step = -np.linalg.solve(whole, slope[..., None])[..., 0]
-            for share in _SHARES:
-                moved = np.clip(banks + share * step, -_MOST, _MOST)
-                others, constant = self._errors(rolls.model, moved, rolls.fin)
-                cost = _half_squares(others) + constant + 0.5 * moved**2 @ precision
-                better = cost < least
-                least = np.where(better, cost, least)
-                banks = np.where(better[:, None], moved, banks)
-                step = np.where(better[:, None], 0.0, step)
-                for i in np.flatnonzero(better):
-                    errors[i] = others[i]
+            tried = np.clip(banks + share * step, -_MOST, _MOST)
+            costs = costs_at(tried)
+            better = (costs < least)[:, None]
+            share = np.where(better, 1.0, _LESS * share)
+            banks = np.where(better, tried, banks)
+            least = np.minimum(costs, least)
 
         return banks, curvature
 
-    def _errors(
+    def _flights(
         self, model: FitResult, banks: np.ndarray, fin: float
-    ) -> tuple[list[np.ndarray], np.ndarray]:
-        """White errors of each flight, and the part of its cost that is no square."""
-        flights = error_flights(self._rolled(banks, fin), model)
-        whitened = in_parallel(lambda f: whiten(f, model.scales), flights)
-        errors = [own.innovations.ravel() for own in whitened]
-        return errors, np.array([0.5 * own.log_variances.sum() for own in whitened])
+    ) -> list[LinearFlight]:
+        """Flights that roll, with one column, their error."""
+        return error_flights(self._rolled(banks, fin), model)
 
     def _rolled(self, banks: np.ndarray, fin: float) -> Task:
         """The task on the flights as if their roll and yaw were logged."""
@@ -175,11 +177,6 @@ class RollSearch:
         return self.task.on(
             [dataclasses.replace(new, place=old.place) for new, old in pairs]
         )
-
-
-def _half_squares(errors: Sequence[np.ndarray]) -> np.ndarray:
-    """Half of the sum of squares of each flight's errors (F,)."""
-    return np.array([0.5 * float(own @ own) for own in errors])
 
 
 def attitudes_of(

@@ -137,7 +137,7 @@ def test_a_perch_is_planned_with_the_model(reported):
     path = reported.folder / "model.yaml"
     with warnings.catch_warnings(record=True) as given:
         warnings.simplefilter("always")
-        planned = plan(path, PerchingProblem(), knots=(15,))
+        planned = plan(path, PerchingProblem(), knots=15)
     texts = [str(one.message) for one in given if one.category is UserWarning]
     texts = [
         text for text in texts if "leaves what the model was traced on" not in text

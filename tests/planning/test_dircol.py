@@ -4,7 +4,6 @@ import pickle
 
 import numpy as np
 import pytest
-from pydrake.solvers import SolverOptions
 from scipy.integrate import solve_ivp
 
 from glider.compiled.kernel import UncompilableError
@@ -27,10 +26,7 @@ def test_the_article_s_problem_has_the_known_minimum(article_plan):
     assert article_plan.cost == pytest.approx(194.0462, abs=1e-3)
     assert article_plan.duration == pytest.approx(0.8795, abs=1e-4)
     assert len(article_plan.times) == 41
-    assert [(a.knots, a.guess) for a in article_plan.attempts] == [
-        (25, "a straight line"),
-        (41, "the plan on fewer knots"),
-    ]
+    assert article_plan.seconds > 0.0
 
 
 def test_a_plan_keeps_what_the_problem_asks(article_plan):
@@ -49,7 +45,7 @@ def test_limits_that_bind_are_met():
     """Without them this flight climbs to 0.27 m at up to 4.8 rad/s."""
     slow = GliderParameters(elevator_rate_limit=4.5)
     model = GliderModel(parameters=slow)
-    found = plan(model, PerchingProblem(z_limits=[-1.0, 0.12]), knots=(7,))
+    found = plan(model, PerchingProblem(z_limits=[-1.0, 0.12]), knots=7)
     assert found.states[:, 1].max() == pytest.approx(0.12, abs=1e-6)
     assert np.abs(found.inputs).max() == pytest.approx(4.5, abs=1e-6)
 
@@ -103,7 +99,7 @@ def test_limits_left_unturned_cannot_be_met_and_the_failure_says_so():
     model = GliderModel(parameters=unturned)
     told = []
     with pytest.raises(PlanningError) as caught:
-        plan(model, PerchingProblem(), knots=(6, 11), progress=told.append)
+        plan(model, PerchingProblem(), knots=11, progress=told.append)
     error = caught.value
     worst = error.violations[0]
     assert worst.amount > 0.01
@@ -111,33 +107,13 @@ def test_limits_left_unturned_cannot_be_met_and_the_failure_says_so():
     assert str(error).endswith(
         f"violates '{worst.name}' the most, by {worst.amount:.3g} {worst.unit}."
     )
-    assert [(a.solver, a.knots) for a in error.attempts] == [
-        ("SNOPT", 6),
-        ("SNOPT", 11),
-    ]
-    assert "SNOPT on 11 knots: InfeasibleConstraints (13)" in str(error)
-    assert len(told) == len(error.attempts)
+    assert "SNOPT: InfeasibleConstraints (13)" in str(error)
+    assert told == ["planning on 11 knots"]
 
 
-def test_the_most_knots_are_tried_where_fewer_do_not_arrive(monkeypatch):
-    steps = SolverOptions.SetOption
-
-    def stop_at_once(options, solver, key, value):
-        if key == "Major iterations limit" and not stopped:
-            stopped.append(key)
-            value = 1
-        steps(options, solver, key, value)
-
-    stopped = []
-    monkeypatch.setattr(SolverOptions, "SetOption", stop_at_once)
-    found = plan(GliderModel(), PerchingProblem(), knots=(3, 9))
-    assert len(found.times) == 9
-    assert [(a.knots, a.solved) for a in found.attempts] == [(3, False), (9, True)]
-
-
-def test_a_failure_survives_a_journey(article_plan):
+def test_a_failure_survives_a_journey():
     violations = [Violation("pitch at the wire", 0.25, "rad")]
-    error = PlanningError(article_plan.attempts, violations)
+    error = PlanningError("InfeasibleConstraints (13)", violations)
     again = pickle.loads(pickle.dumps(error))
     assert str(again) == str(error)
     assert "violates 'pitch at the wire' the most, by 0.25 rad." in str(again)
@@ -155,11 +131,10 @@ def test_drake_s_word_is_not_enough(monkeypatch):
         result.set_x_val(values)
         return result
 
-    assert plan(GliderModel(), PerchingProblem(), knots=(7,)).attempts[0].solved
+    plan(GliderModel(), PerchingProblem(), knots=7)
     monkeypatch.setattr(dircol.SnoptSolver, "Solve", solve_and_move)
-    with pytest.raises(PlanningError, match="SNOPT on 7 knots: SolutionFound") as error:
-        plan(GliderModel(), PerchingProblem(), knots=(7,))
-    assert not error.value.attempts[0].solved
+    with pytest.raises(PlanningError, match="SNOPT: SolutionFound"):
+        plan(GliderModel(), PerchingProblem(), knots=7)
 
 
 def test_a_formula_that_does_not_compile_is_planned_for(monkeypatch):
@@ -168,10 +143,10 @@ def test_a_formula_that_does_not_compile_is_planned_for(monkeypatch):
     def fail(*args):
         raise UncompilableError("no such formula")
 
-    compiled = plan(GliderModel(), PerchingProblem(), knots=(15,))
+    compiled = plan(GliderModel(), PerchingProblem(), knots=15)
     for module in (plant, path):
         monkeypatch.setattr(module, "differentiate", fail)
-    found = plan(GliderModel(), PerchingProblem(), knots=(15,))
+    found = plan(GliderModel(), PerchingProblem(), knots=15)
     assert found.cost == pytest.approx(compiled.cost, rel=1e-7)
 
 
@@ -209,9 +184,9 @@ def test_a_launch_outside_its_own_limits_is_refused():
         plan(GliderModel(), PerchingProblem(launch=launch))
 
 
-@pytest.mark.parametrize("knots", ["41", 41, [], [2], [41.5], None])
+@pytest.mark.parametrize("knots", ["41", [41], 2, 41.5, None])
 def test_knots_that_are_no_numbers_of_them_are_refused(knots):
-    with pytest.raises(InputError, match=r"'knots' is .*; expected a list of one"):
+    with pytest.raises(InputError, match=r"'knots' is .*; expected a whole number"):
         plan(GliderModel(), knots=knots)
 
 

@@ -40,7 +40,7 @@ def test_a_plan_survives_a_journey(article_plan):
     article_plan.state_trajectory, article_plan.input_trajectory  # noqa: B018
     again = pickle.loads(pickle.dumps(article_plan))
     np.testing.assert_array_equal(again.states, article_plan.states)
-    assert again.attempts == article_plan.attempts
+    assert again.seconds == article_plan.seconds
     assert "state_trajectory" not in vars(again)
     np.testing.assert_array_equal(
         again.state_trajectory.value(0.3), article_plan.state_trajectory.value(0.3)

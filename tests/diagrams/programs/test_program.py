@@ -24,7 +24,6 @@ from glider.paths import models_path
 from glider.physics.model import GliderModel
 from glider.planning.constraints import Violation
 from glider.planning.dircol import PlanningError
-from glider.planning.plan import Attempt
 
 TRACK = Track(
     name="flown",
@@ -170,19 +169,9 @@ def test_the_exit_code_tells_whose_fault_it_was(error, code, words, capsys):
 
 
 def test_a_problem_without_a_plan_is_one_sentence(capsys):
-    attempt = Attempt(
-        knots=25,
-        solver="SNOPT",
-        guess="a straight line over 0.80 s",
-        tolerance=1e-6,
-        solved=False,
-        status="InfeasibleConstraints (13)",
-        seconds=0.1,
-    )
-
     def fail():
         violation = Violation("position at the wire", 0.25, "m")
-        raise PlanningError((attempt,), [violation])
+        raise PlanningError("InfeasibleConstraints (13)", [violation])
 
     assert run(fail) == 2
     assert (
