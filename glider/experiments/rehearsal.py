@@ -420,14 +420,11 @@ def _root_of(gram: np.ndarray) -> np.ndarray:
 
 def _first_above(curve: np.ndarray, level: float) -> float:
     """Size from which a curve (n, 2) stays above a level; infinite if it does not."""
-    below = np.flatnonzero(curve[:, 1] < level)
-    if not len(below):
-        return float(curve[0, 0])
-    last = int(below[-1])
-    if last == len(curve) - 1:
+    sizes, powers = curve.T
+    stays = np.minimum.accumulate(powers[::-1])[::-1]
+    if stays[-1] < level:
         return np.inf
-    (size, low), (larger, high) = curve[last : last + 2]
-    return float(size * (larger / size) ** ((level - low) / (high - low)))
+    return float(np.exp(np.interp(level, stays, np.log(sizes))))
 
 
 def _fly_again(

@@ -15,6 +15,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.logs import Campaign
@@ -27,7 +28,7 @@ from glider.sysid.likelihood.model_fit import error_flights, fit_model
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Noise, Record, prepare
 
-_PROBES = 0.1, 0.2, 0.4  # Banks at the end with which a fit begins [rad].
+_PROBES = 0.1, 0.2, 0.4  # Banks at the end that may better a flight [rad].
 _FINS = 0.0, 0.7, 3.0  # Yaw acceleration over airspeed and slip that are tried [1/m].
 _STEP = 0.01  # Of a bank, for slopes [rad].
 _MOST = 0.9  # Bank that is no slight one any more [rad].
@@ -70,29 +71,31 @@ class RollSearch:
             bare: the model without any.
             found_cost: of the former, with the thresholds of its effects [nats].
         """
-        costs = [self._costs_at_end(found, bank) for bank in (0.0, *_PROBES)]
+        shape = len(self.task.records), 1
+        costs = [
+            negative_log_likelihood(
+                self._flights(found, np.tile([0.0, bank], shape), _FINS[1]),
+                found.scales,
+            )
+            for bank in (0.0, *_PROBES)
+        ]
         if np.sum(costs[0] - np.min(costs, axis=0)) < EVIDENCE_THRESHOLD:
             return None
-        begun = [self._fit(self._begin(bare, fin), rounds=2) for fin in _FINS]
-        rolls = self._fit(min(begun, key=lambda own: own.cost), rounds=_ROUNDS)
+        begun = [
+            _Rolls(
+                fin=fin,
+                banks=np.tile(_SPREADS, shape),
+                spreads=np.array(_SPREADS),
+                model=bare,
+                cost=np.inf,
+            )
+            for fin in _FINS
+        ]
+        fitted = [self._fit(own, rounds=2) for own in begun]
+        rolls = self._fit(min(fitted, key=lambda own: own.cost), rounds=_ROUNDS)
         if rolls.cost + rolls.model.freedom + EVIDENCE_THRESHOLD > found_cost:
             return None
         return float(np.sqrt(np.mean(rolls.banks[:, 1] ** 2)))
-
-    def _costs_at_end(
-        self, model: FitResult, bank: float, fin: float = _FINS[1]
-    ) -> np.ndarray:
-        """Costs of flights (F,) that begin level and end with one bank."""
-        banks = np.tile([0.0, bank], (len(self.task.records), 1))
-        return negative_log_likelihood(self._flights(model, banks, fin), model.scales)
-
-    def _begin(self, model: FitResult, fin: float) -> _Rolls:
-        """Rolls with each flight's best bank of those that are probed."""
-        costs = [self._costs_at_end(model, bank, fin) for bank in _PROBES]
-        banks = np.zeros((len(self.task.records), 2))
-        banks[:, 1] = np.array(_PROBES)[np.argmin(costs, axis=0)]
-        spreads = np.array(_SPREADS)
-        return _Rolls(fin=fin, banks=banks, spreads=spreads, model=model, cost=np.inf)
 
     def _fit(self, best: _Rolls, rounds: int) -> _Rolls:
         """Fits banks, their spreads, and the model's coefficients and scales."""
@@ -202,7 +205,7 @@ def attitudes_of(
         cos_pitch = np.sqrt(1.0 - sin_pitch**2)
         velocity = record.nodes[:, 4:6]
         force = record.acceleration[:, :2] + [0.0, vehicle["gravity"]]  # Per mass.
-        y, ydot, yaw, turning = np.zeros((4, len(time)))
+        ydot, yaw, turning = np.zeros((3, len(time)))
         for k, step in enumerate(np.diff(time)):
             ahead, aside = np.cos(yaw[k]), np.sin(yaw[k])
             top_x = ahead * sin_pitch[k] + aside * cos_pitch[k] * sin[k]
@@ -219,8 +222,8 @@ def attitudes_of(
             turning[k + 1] = turning[k] + step * weathervane
             ydot[k + 1] = ydot[k] + step * push
             yaw[k + 1] = yaw[k] + step * turning[k + 1]
-            y[k + 1] = y[k] + 0.5 * step * (ydot[k] + ydot[k + 1])
 
+        y = cumulative_trapezoid(ydot, time, initial=0.0)
         roll = np.arctan2(sin, cos_pitch * cos)
         yaw = yaw + np.arctan2(sin_pitch * sin, cos_pitch)
         found.append(np.column_stack([y, roll, yaw]))
