@@ -1,17 +1,36 @@
 """Which formulas and free functions are reported, and by which name."""
 
+import dataclasses
 import types
+from unittest import mock
 
 import pytest
 
 from glider.physics.effects.families import FAMILIES, formulas_at
 from glider.sysid.result import UNEXPLAINED
+from glider.sysid.search import tracing
 from glider.sysid.search.subsets import Scorer
-from glider.sysid.search.tracing import _names_of
 
 LIFT = "lift over alpha"
 WAKE = "tail's force over alpha"
 PAIR = "lift over alpha and reduced_rate"
+
+
+@dataclasses.dataclass(frozen=True)
+class FakeModel:
+    """A model that is nothing but its kinds and its cost."""
+
+    kinds: tuple
+    cost: float = 0.0
+    freedom: float = 0.0
+    scales: object = None
+
+    @property
+    def free_kinds(self):
+        return tuple(kind for kind in self.kinds if kind in FAMILIES)
+
+    def without(self, task, *gone):
+        return FakeModel(tuple(kind for kind in self.kinds if kind not in gone))
 
 
 class FakeSearch:
@@ -35,9 +54,6 @@ class FakeSearch:
             cost -= 100.0 if function in members else max(by, default=0.0)
         return FakeModel(model.kinds, cost)
 
-    def fit_without(self, model, kind):
-        return self.fit(model.without(self.task, kind))
-
     def penalized_cost(self, model):
         return model.cost
 
@@ -56,30 +72,19 @@ class Alike:
         return [0.0 for _ in more]
 
 
-class FakeModel:
-    """A model that is nothing but its kinds and its cost."""
-
-    freedom = 0.0
-
-    def __init__(self, kinds, cost=0.0):
-        self.kinds = kinds
-        self.cost = cost
-
-    @property
-    def free_kinds(self):
-        return tuple(kind for kind in self.kinds if kind in FAMILIES)
-
-    def without(self, task, *gone):
-        return FakeModel(tuple(kind for kind in self.kinds if kind not in gone))
-
-
 def names(evidence, shares=()):
     """Returns the names of effects by their evidence.
 
     `shares` are those of a free function, which gains 100, that formulas explain.
     """
     search = FakeSearch(evidence, dict(shares))
-    return _names_of(search, search.fit(FakeModel(tuple(evidence))), evidence)
+
+    def fit_model(task, model, **options):
+        return search.fit(model)
+
+    with mock.patch.object(tracing, "fit_model", fit_model):
+        model = search.fit(FakeModel(tuple(evidence)))
+        return tracing._names_of(search, model, evidence)
 
 
 def test_formulas_have_their_own_names():
