@@ -13,15 +13,14 @@ import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
 from glider.compiled import (
-    collocation,
+    boxes,
+    evidence,
     fast_functions,
     filter_error,
     flight,
-    interior_point,
     jacobian,
     kernel,
     riccati,
-    stages,
 )
 from glider.compiled.flight import fly_tapes
 from glider.compiled.kernel import Family, reached
@@ -267,7 +266,7 @@ def test_a_loop_that_moves_to_another_module_gets_another_file(
 
 def test_what_is_kept_beside_its_own_file_reaches_no_other_file():
     """Numba looks at the outermost function's file alone, see `machine_code`."""
-    for module in (collocation, filter_error, interior_point, riccati, stages):
+    for module in (boxes, evidence, filter_error, riccati):
         for name, function in vars(module).items():
             plain = getattr(function, "py_func", None)
             if plain is None or plain.__module__ != module.__name__:
