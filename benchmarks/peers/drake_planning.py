@@ -1,4 +1,4 @@
-"""Drake's own DirectCollocation, on a plant that runs its formulas in Python."""
+"""The same direct collocation of Drake with SNOPT as it comes."""
 
 from benchmarks.bench_planning import KNOTS, plan_plainly
 from benchmarks.peers.pairs import Pair
@@ -21,7 +21,7 @@ def pairs() -> tuple[Pair, ...]:
     return (
         Pair(
             task="plan on 41 knots, checked",
-            peer="plain Drake with SNOPT",
+            peer="the same program with SNOPT's defaults",
             ours=ours,
             theirs=theirs,
             told=lambda: f"cost {costs['ours']:.3f} and {costs['theirs']:.3f}",
