@@ -1,6 +1,6 @@
-"""Model-predictive control: one quadratic program about the last plan a command.
+"""Model-predictive control: for each command, one quadratic program of Drake.
 
-It is known as a real-time iteration, and solved by Drake.
+The dynamics are linearized about the last plan: a real-time iteration.
 
 Source: Diehl, Bock, Schlöder, "A real-time iteration scheme for nonlinear optimization
 in optimal feedback control", SIAM J. Control Optim. 43 (2005).
