@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 
 from diagrams.programs import program
 from glider import GliderModel, PerchingProblem, can_perch, workers_of
+from glider.progress import Step
 
 AXES = {
     "height [m]": (1, -0.8, 0.8),
@@ -44,13 +45,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     launches = np.tile(problem.launch, (args.launches, 1))
     for column, low, high in AXES.values():
         launches[:, column] = rng.uniform(low, high, args.launches)
-    with program.working("plan (compiles once)"):
+    with program.working("plan (compiles once)", is_even=True) as progress:
         can_perch(model, problem, problem.launch)  # Compiles for all workers.
         begin = time.perf_counter()
         solve = joblib.delayed(can_perch)
         tasks = (solve(model, problem, launch) for launch in launches.tolist())
+        planned = np.zeros(args.launches, dtype=bool)
         with workers_of(args.cluster):
-            planned = np.array(joblib.Parallel(n_jobs=-1)(tasks))
+            answers = joblib.Parallel(n_jobs=-1, return_as="generator")(tasks)
+            for i, answer in enumerate(answers):
+                planned[i] = answer
+                done = i + 1
+                words = f"plan ({done} of {args.launches} launches)"
+                progress(Step(words, done / args.launches))
         seconds = time.perf_counter() - begin
     print(
         f"{np.sum(planned):,} of {len(planned):,} launches have a plan to the wire "

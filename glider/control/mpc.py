@@ -139,7 +139,7 @@ class Replanner:
         knots = max(_FEWEST, 1 + round(rest / _SPACING))
         times = np.linspace(0.0, rest, knots)
         states = flight.state_trajectory.vector_values(elapsed + times).T
-        inputs = np.interp(elapsed + times, flight.times, flight.inputs)
+        [inputs] = flight.input_trajectory.vector_values(elapsed + times)
         return Path(self._model, times, states, inputs)
 
     def _improve(self, path: Path, state: np.ndarray) -> Plan | None:
