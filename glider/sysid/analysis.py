@@ -33,7 +33,6 @@ from glider.sysid.likelihood.uncertainty import Uncertainty, averaged, uncertain
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.roll import RollSearch
-from glider.sysid.search.moves import Search
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
 from glider.sysid.verdict import find_doubt, judge, too_few_fly
@@ -153,7 +152,9 @@ class Analysis:
             spreads = outcome.spreads_of(task, model)
             rng = np.random.default_rng(self.settings["seed"])
             evaluated, tests = evaluate(found, baseline, spreads, rng)
-            change = find_change(found.session, model, rng)
+            change = None
+            if traced.bank is None:  # Else flights differ by their roll.
+                change = find_change(found.session, model, rng)
 
         with self.stage("weigh", "standard errors"):
             flown_values = evaluated["residual_after"].variables
@@ -169,8 +170,6 @@ class Analysis:
         verdict, reason = judge(
             traced, tests.gains, evaluated["errors"], effects, evaluated["left"], doubt
         )
-        if found.bank is not None:
-            verdict, reason = "unexplained", _about_roll(found.bank)
         rows = [s for s in self.inspection.excluded if s.file not in found.outlying]
         for name, why in found.outlying.items():
             rows.append(ExcludedRows(file=name, rows=ALL, why=why))
@@ -251,18 +250,14 @@ class Analysis:
         session = everything
         if are_at_one_end(outlying, names):  # Of another glider, perhaps.
             session = everything.on(records)
-        bank = None
         if self.vehicle.is_known and all(f.attitude is None for f in campaign.flights):
             with self.stage("roll", "comparing flights that roll"):
                 rolls = RollSearch(
                     task=task, campaign=campaign, noise=noise, masks=masks
                 )
-                cost = Search(task, self.progress).penalized_cost(traced.model)
-                bank = rolls.find_bank(traced.model, traced.bare, cost)
+                traced = rolls.find(traced, self.progress)
 
-        if bank is not None:
-            traced = traced.without_effects()
-        return Searched(noise, everything, task, traced, outlying, session, bank)
+        return Searched(noise, everything, task, traced, outlying, session)
 
     def _without(
         self, outlying: Mapping[str, str], everything: Task
@@ -316,15 +311,6 @@ def _about_diverged(flights: result.FlightNames) -> str:
         f" The errors are without {len(flights.diverged)} of {len(flights.held_out)} "
         f"held-out flights, on which every model diverges: "
         f"{', '.join(flights.diverged)}."
-    )
-
-
-def _about_roll(bank: float) -> str:
-    """Returns the sentence on a roll that is not logged [rad]."""
-    return (
-        f"Flights lose lift as a banked wing does, about {bank:.2f} rad at the end: "
-        "log roll and yaw. That explains them better than effects of a glider that "
-        "does not roll, so none is named."
     )
 
 

@@ -37,7 +37,6 @@ class Searched:
     traced: SearchResult
     outlying: Mapping[str, str]  #: Names of flights that stand out, and why.
     session: Task  #: On all flights, with those that stand out at one end of them.
-    bank: float | None = None  #: At the end of flights whose roll is not logged [rad].
 
 
 def evaluate(

@@ -7,8 +7,8 @@ side. Given the two angles, and what the fin does, the motion across the plane f
 from the measured one: flights are made ready as if their roll and yaw were logged.
 
 The angles of a flight have a normal prior about zero whose spreads are fitted. Flights
-roll if the marginal likelihood of the glider without effects, each flight's two angles
-integrated out, is greater than that of all effects that were found without roll.
+roll if that gains most of what effects do that were found without roll, each flight's
+two angles integrated out: all effects, or all but those that act beside the roll.
 """
 
 import dataclasses
@@ -21,19 +21,27 @@ from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.logs import Campaign
 from glider.compiled.parallel import in_parallel
 from glider.physics.parameters import GliderParameters
+from glider.progress import Progress
 from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Noise, Record, prepare
+from glider.sysid.search.moves import Search
+from glider.sysid.search.tracing import SearchResult
 
-_PROBES = 0.1, 0.2, 0.4  # Banks at the end that may better a flight [rad].
-_FINS = 0.0, 0.7, 3.0  # Yaw acceleration over airspeed and slip that are tried [1/m].
+_PROBES = 0.02, 0.05, 0.1, 0.2, 0.4  # Banks at the end to begin with [rad].
+# Share of the gain of banks that these have (m: bench_roll).
+_SHOWN = 0.1
+# Share of what effects gain that banks gain in their place (m: bench_roll): at most
+# 0.45 where an effect acts and nothing rolls, at least 0.85 where all flights roll.
+_ENOUGH = 0.8
+_BESIDE = 2  # Effects that may act beside a roll.
+_FINS = 0.0, 3.0, 30.0  # Yaw acceleration over airspeed and slip that are tried [1/m].
 _STEP = 0.01  # Of a bank, for slopes [rad].
 _MOST = 0.9  # Bank that is no slight one any more [rad].
 _LEAST = 0.01  # Spread of banks below which flights show none [rad].
-_SPREADS = 0.05, 0.15  # Of banks at launch and at the end, to begin with [rad].
 _ROUNDS = 6  # Of banks, spreads and coefficients that depend on each other.
 _STEPS = 5  # Of Gauss-Newton in each.
 _LESS = 0.3  # Of a step after one that gains nothing.
@@ -47,7 +55,7 @@ class _Rolls:
 
     fin: float  #: See _FINS.
     banks: np.ndarray  #: (F, 2) at the first and last node [rad].
-    spreads: np.ndarray  #: (2,) of them over flights [rad].
+    spreads: np.ndarray  #: (2,) RMS of them over flights [rad].
     model: FitResult
     cost: float  #: Negative log of the marginal posterior [nats].
 
@@ -61,45 +69,59 @@ class RollSearch:
     noise: Noise
     masks: Mapping[str, Masks]
 
-    def find_bank(
-        self, found: FitResult, bare: FitResult, found_cost: float
-    ) -> float | None:
-        """Finds the bank at the end, RMS over flights [rad], if they roll; else None.
+    def find(self, traced: SearchResult, progress: Progress) -> SearchResult:
+        """Returns what was found, and the bank at the end if flights roll.
 
-        Args:
-            found: the model with the effects that explain flights that do not roll.
-            bare: the model without any.
-            found_cost: of the former, with the thresholds of its effects [nats].
+        Of the effects that a search without roll found there are then only those that
+        act beside it. They are tried by their evidence: none of them, the first, the
+        first two, and all.
         """
-        shape = len(self.task.records), 1
-        costs = [
-            negative_log_likelihood(
-                self._flights(found, np.tile([0.0, bank], shape), _FINS[1]),
-                found.scales,
-            )
-            for bank in (0.0, *_PROBES)
-        ]
-        if np.sum(costs[0] - np.min(costs, axis=0)) < EVIDENCE_THRESHOLD:
-            return None
-        begun = [
-            _Rolls(
-                fin=fin,
-                banks=np.tile(_SPREADS, shape),
-                spreads=np.array(_SPREADS),
-                model=bare,
-                cost=np.inf,
-            )
-            for fin in _FINS
-        ]
-        fitted = [self._fit(own, rounds=2) for own in begun]
-        rolls = self._fit(min(fitted, key=lambda own: own.cost), rounds=_ROUNDS)
-        if rolls.cost + rolls.model.freedom + EVIDENCE_THRESHOLD > found_cost:
-            return None
-        return float(np.sqrt(np.mean(rolls.banks[:, 1] ** 2)))
+        model = traced.model
+        known = {frozenset(own.kinds): own for own in (model, traced.bare)}
+        search = Search(self.task, progress, known)
+        order = sorted(model.kinds, key=traced.evidence.__getitem__, reverse=True)
+        for count in sorted({*range(min(_BESIDE, len(order)) + 1), len(order)}):
+            kept = search.fit(model.without(self.task, *order[count:]))
+            gained = search.penalized_cost(kept) - search.penalized_cost(model)
+            bank = self._bank_beside(kept, gained)
+            if bank is not None:
+                return traced.reduced_to(kept, bank)
+        return traced
 
-    def _fit(self, best: _Rolls, rounds: int) -> _Rolls:
+    def _bank_beside(self, model: FitResult, gained: float) -> float | None:
+        """Finds the bank, if it gains what the effects that a model lacks do [nats]."""
+        begun = max((self._begun(model, fin) for fin in _FINS), key=lambda own: own[1])
+        rolls, shown = begun
+        least = _ENOUGH * gained + EVIDENCE_THRESHOLD
+        if shown < _SHOWN * least + 0.5 * EVIDENCE_THRESHOLD:
+            return None
+        rolls = self._fit(rolls)
+        cost = rolls.cost + rolls.model.freedom
+        if model.cost + model.freedom - cost < least:
+            return None
+        return float(rolls.spreads[1])
+
+    def _begun(self, model: FitResult, fin: float) -> tuple[_Rolls, float]:
+        """Flights that roll by the likeliest of some banks, and what that gains."""
+        count = len(self.task.records)
+        costs = []
+        for bank in (0.0, *_PROBES):
+            flights = self._flights(model, np.tile([0.0, bank], (count, 1)), fin)
+            costs.append(negative_log_likelihood(flights, model.scales))
+        last = np.array(_PROBES)[np.argmin(costs[1:], axis=0)]
+        spread = np.sqrt(np.mean(last**2))
+        rolls = _Rolls(
+            fin=fin,
+            banks=np.column_stack([0.1 * last, last]),
+            spreads=spread * np.array([0.5, 1.0]),
+            model=model,
+            cost=np.inf,
+        )
+        return rolls, float(np.sum(costs[0] - np.min(costs, axis=0)))
+
+    def _fit(self, best: _Rolls) -> _Rolls:
         """Fits banks, their spreads, and the model's coefficients and scales."""
-        for _ in range(rounds):
+        for _ in range(_ROUNDS):
             banks, curvature = self._best_banks(best)
             covariance = np.linalg.inv(curvature + np.diag(best.spreads**-2.0))
             squares = banks**2 + np.diagonal(covariance, axis1=1, axis2=2)

@@ -154,6 +154,37 @@ def judge(
 
     `gains` are those of the correction over each other model, see `folds.hold_out`.
     """
+    verdict, reason = _judge_in_plane(traced, gains, errors, effects, left, doubt)
+    if traced.bank is None:
+        return verdict, reason
+    about = _about_roll(traced)
+    is_named = any(e.kind in traced.model.kinds for e in effects)
+    if is_named and verdict == "not_trusted":
+        return verdict, f"{about} {reason}"
+    if doubt is not None:
+        about += f" Besides, {doubt}."
+    return "partly_explained" if is_named else "unexplained", about
+
+
+def _about_roll(traced: SearchResult) -> str:
+    """Returns the sentences on a roll that is not logged."""
+    other = "other " if traced.model.kinds else ""
+    return (
+        f"Flights lose lift as a banked wing does, about {traced.bank:.2f} rad at the "
+        f"end: log roll and yaw. That explains them better than {other}effects of a "
+        f"glider that does not roll, so no {other}effect is named."
+    )
+
+
+def _judge_in_plane(
+    traced: SearchResult,
+    gains: Mapping[str, Gains],
+    errors: _AllErrors,
+    effects: Sequence[FoundEffect],
+    left: Residual,
+    doubt: str | None,
+) -> tuple[str, str]:
+    """Returns the verdict on flights in their plane, and the sentence."""
     rest = _beyond_floor(left)
     unexplained = f"No effect of the library explains what the flat plate lacks{rest}."
     if not effects and not traced.model.kinds:

@@ -57,29 +57,41 @@ def test_the_motion_across_the_plane_follows_from_the_one_in_it(seed):
         assert np.max(np.abs(own - flight.attitude)) < 0.03
 
 
-def bank_of(campaign):
-    """Finds the bank of the flights to fit where no effect is tried; and their rows."""
+def found_in(campaign, kinds=()):
+    """Searches some effects, and a roll, in the flights to fit; and their rows."""
     fitted, _ = split_flights(campaign, 0.2, 0)
     everything, noise = task_of(campaign)
     names = {flight.name for flight in fitted}
     task = everything.on([r for r in everything.records if r.name in names])
-    own = RollSearch(task=task, campaign=campaign, noise=noise, masks={})
-    bare = trace(task.offering(()), noise, silent).bare
+    traced = trace(task.offering(kinds), noise, silent)
+    rolls = RollSearch(task=task, campaign=campaign, noise=noise, masks={})
     rows = [int(record.name[7:10]) for record in task.records]
-    return own.find_bank(bare, bare, bare.cost + bare.freedom), rows
+    return rolls.find(traced, silent), rows
 
 
-def test_the_bank_is_found():
-    campaign, rolls = draw(0.2, 2, "none")
-    bank, rows = bank_of(campaign)
+@pytest.mark.parametrize(
+    "size, seed", [(0.06, 8), pytest.param(0.2, 2, marks=pytest.mark.nightly)]
+)
+def test_the_bank_is_found(size, seed):
+    campaign, rolls = draw(size, seed, "none")
+    found, rows = found_in(campaign)
     true = np.sqrt(np.mean(rolls.last[rows] ** 2))
-    assert bank == pytest.approx(true, rel=0.25)
+    assert found.bank == pytest.approx(true, rel=0.25)
 
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_nothing_rolls_where_nothing_does(seed):
     """Also in moving air."""
-    assert bank_of(draw(0.0, seed, "none")[0])[0] is None
+    assert found_in(draw(0.0, seed, "none")[0])[0].bank is None
+
+
+def test_an_effect_acts_beside_the_roll():
+    """What an error of the camera imitates is the roll's; the drag stays."""
+    campaign, _ = draw(0.2, 0, "profile_drag")
+    found, _ = found_in(campaign, ("profile_drag", "frame_tilt", "position_scale"))
+    assert found.model.kinds == ("profile_drag",)
+    assert found.evidence.keys() == found.names.keys() == {"profile_drag"}
+    assert found.bank is not None
 
 
 @pytest.mark.nightly

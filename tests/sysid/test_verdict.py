@@ -84,6 +84,7 @@ def verdict(
     times_floor=1.5,
     times_along=math.nan,
     left_m=0.05,
+    bank=None,
 ):
     """Judges a trace that found kinds, and a free function without a name."""
     if unnamed is None:
@@ -97,6 +98,7 @@ def verdict(
     traced = types.SimpleNamespace(
         model=types.SimpleNamespace(kinds=(*kinds, *functions), functions=functions),
         forces=None if left_over is None else object(),
+        bank=bank,
     )
     left = Residual(
         position_m=left_m,
@@ -119,6 +121,21 @@ def test_thrown_gliders_that_leave_much_are_never_without_effect():
     assert word == "unexplained"
     assert "alpha, V" in reason
     assert verdict(left_over=())[0] == "no_effect"
+
+
+def test_a_roll_that_is_not_logged_is_asked_for():
+    """Whatever acts beside it; a doubt is told as well."""
+    for found, word in (
+        (verdict(bank=0.1), "unexplained"),
+        (verdict(bank=0.1, is_free=True), "unexplained"),
+        (verdict(["camber"], bank=0.1), "partly_explained"),
+        (verdict(["camber"], bank=0.1, t=-5.0), "not_trusted"),
+        (verdict(bank=0.1, doubt="its clock is wrong"), "unexplained"),
+    ):
+        assert found[0] == word
+        assert "about 0.10 rad at the end: log roll and yaw." in found[1]
+    assert "its clock is wrong" in found[1]
+    assert "its clock" in verdict(["camber"], bank=0.1, doubt="its clock")[1]
 
 
 def test_nothing_found_is_no_effect():
@@ -263,7 +280,7 @@ def test_the_reason_says_where_more_than_a_perfect_models_error_is_left():
 def test_what_only_differs_from_flight_to_flight_names_no_lack():
     """A trim that is zero in the mean stands beside the unexplained, no more."""
     traced = types.SimpleNamespace(
-        model=types.SimpleNamespace(kinds=("air over x",)), forces=None
+        model=types.SimpleNamespace(kinds=("air over x",)), forces=None, bank=None
     )
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = entry("unexplained"), entry("elevator_trim", evidence=math.nan)

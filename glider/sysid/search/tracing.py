@@ -62,16 +62,24 @@ class SearchResult:
     alike: dict[str, set[str]] = dataclasses.field(default_factory=dict)
     #: The model as it was judged, along the measured attitude, if not as it is.
     forces: FitResult | None = None
+    #: At the end of flights whose roll is not logged, RMS over them [rad].
+    bank: float | None = None
 
     @property
     def judged(self) -> FitResult:
         """The model in which the effects were compared."""
         return self.model if self.forces is None else self.forces
 
-    def without_effects(self) -> "SearchResult":
-        """Returns the outcome in which the bare model is all that was found."""
+    def reduced_to(self, model: FitResult, bank: float) -> "SearchResult":
+        """Returns the outcome in which flights roll, with a model of fewer effects."""
+        kinds = {*model.kinds}
         return dataclasses.replace(
-            self, model=self.bare, evidence={}, names={}, rivals=(), near=set()
+            self,
+            model=model,
+            evidence={kind: self.evidence[kind] for kind in kinds},
+            names={kind: self.names[kind] for kind in kinds & self.names.keys()},
+            rivals=(),
+            bank=bank,
         )
 
 
