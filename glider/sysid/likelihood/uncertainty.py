@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glider.sysid.constants import Z
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.task import FitResult, Task
@@ -94,7 +95,9 @@ def jackknife(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns the inverse of flights' information and a prior's, and scaled changes.
 
-    Their squares sum to the jackknife's covariance.
+    Their squares sum to the jackknife's covariance. Where a flight alone shows a
+    coefficient, the change without it is one of the linearization: it is cut at `Z`
+    standard deviations of the prior.
     """
     flights = len(grams)
     m = grams.shape[1] - 1
@@ -102,6 +105,8 @@ def jackknife(
     total = hessians.sum(axis=0) + np.diag(precision)
     covariance = solve_scaled(total, np.eye(m), 1e-12)
     changes = solve_scaled(total - hessians, grams[:, :m, m], 1e-12)
+    beyond = np.sqrt(changes**2 @ precision) / Z
+    changes /= np.maximum(beyond, 1.0)[:, None]
     symmetric = 0.5 * (covariance + covariance.T)
     return symmetric, changes * np.sqrt((flights - 1.0) / flights)
 

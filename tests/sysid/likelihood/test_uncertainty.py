@@ -8,6 +8,7 @@ import pytest
 from glider.physics.confidence import ConfidenceSet
 from glider.physics.covariance import Covariance
 from glider.physics.effects import KINDS
+from glider.sysid.constants import Z
 from glider.sysid.likelihood.information import solve
 from glider.sysid.likelihood.uncertainty import (
     Uncertainty,
@@ -82,6 +83,14 @@ def test_the_larger_of_both_in_every_direction():
         own = np.einsum("ai,ij,aj->a", along, smaller, along)
         assert np.all(variance >= own - 1e-12)
     assert 3 <= freedom < 40.0
+
+
+def test_what_one_flight_alone_shows_does_not_leave_its_prior():
+    """Without it the rest says nothing, and a linearization would say anything."""
+    grams = np.tile([[1e-6, 0.0], [0.0, 30.0]], (6, 1, 1))
+    grams[0] = [[1e4, 300.0], [300.0, 40.0]]
+    [std] = stds_of(grams, [0.01])
+    assert 10.0 < std < Z / np.sqrt(0.01)
 
 
 def freedom_of(campaigns, rng):
