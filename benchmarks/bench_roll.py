@@ -1,11 +1,14 @@
 """What is said of gliders that roll, where roll and yaw are not logged? Prints a table.
 
     python -m benchmarks.bench_roll [--banks 0,0.05,0.1,0.2,0.4] [--seeds 2] [--first 0]
-        [--kinds none,profile_drag] [--logged] [--jobs 1]
+        [--kinds none,profile_drag] [--logged] [--shares] [--jobs 1]
 
 They fly in the independent simulator of `benchmarks.rolling_flight`, each flight with a
 bank of its own that grows evenly, to either side, to about `banks` at its end. Odd
 seeds fly in moving air. The glider has no effect, or one that is planted.
+
+With --shares the table compares what the effects gain that a search without roll finds,
+and what banks gain in their place: the search prefers banks from a share of 0.8 on.
 """
 
 import argparse
@@ -20,7 +23,12 @@ from benchmarks.hidden import ROWS, TRIM, campaign
 from benchmarks.one_effect import plant
 from benchmarks.rolling_flight import Rolls, fly_rolling
 from glider.campaign.logs import Campaign
+from glider.progress import silent
 from glider.sysid.pipeline import close_the_loop
+from glider.sysid.roll import RollSearch
+from glider.sysid.search.moves import Search
+from glider.sysid.search.tracing import trace
+from tests.helpers.known_truth import task_of
 from tests.helpers.lifelike import (
     COMMAND_RATE,
     Capture,
@@ -94,6 +102,21 @@ def ask(bank: float, seed: int, kind: str, logged: bool) -> str:
     )
 
 
+def compare(bank: float, seed: int, kind: str, logged: bool) -> str:
+    """Returns a row: the gain of the effects that are found, and that of banks."""
+    drawn, _ = draw(bank, seed, kind, logged)
+    task, noise = task_of(drawn)
+    traced = trace(task, noise, silent)
+    search = Search(task, silent)
+    gained = search.penalized_cost(traced.bare) - search.penalized_cost(traced.model)
+    rolls = RollSearch(task=task, campaign=drawn, noise=noise, masks={})
+    _, gain = rolls.fit_beside(traced.bare, 0.0)
+    kinds = ", ".join(traced.model.kinds) or "nothing"
+    share = f"{gain / gained:.2f}" if gained > 0.0 else "-"
+    row = f"| {bank:.2f} | {seed} | {kind} | {kinds} |"
+    return f"{row} {gained:.0f} | {gain:.0f} | {share} |"
+
+
 def main() -> None:
     """Prints the table, a row a campaign."""
     parser = argparse.ArgumentParser(
@@ -104,11 +127,12 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--kinds", default="none,one", help="none, one of them, or one")
     parser.add_argument("--logged", action="store_true", help="with roll and yaw")
+    parser.add_argument("--shares", action="store_true", help="compare gains")
     parser.add_argument("--jobs", type=int, default=1, help="campaigns at a time")
     args = parser.parse_args()
     known = list(SIZES)
     tasks = [
-        joblib.delayed(ask)(
+        joblib.delayed(compare if args.shares else ask)(
             float(bank),
             seed,
             known[seed % len(known)] if kind == "one" else kind,
@@ -118,8 +142,19 @@ def main() -> None:
         for bank in args.banks.split(",")
         for kind in args.kinds.split(",")
     ]
-    print("| bank [rad] | seed | true | verdict | found | hint [rad] | mm | s |")
-    print("|---|---|---|---|---|---|---|---|")
+    columns = [
+        "bank [rad]",
+        "seed",
+        "true",
+        "verdict",
+        "found",
+        "hint [rad]",
+        "mm",
+        "s",
+    ]
+    if args.shares:
+        columns[3:] = ["found", "gain [nats]", "of banks [nats]", "share"]
+    print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     for row in joblib.Parallel(n_jobs=args.jobs, return_as="generator")(tasks):
         print(row, flush=True)
 

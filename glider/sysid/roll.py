@@ -83,23 +83,25 @@ class RollSearch:
         for count in sorted({*range(min(_BESIDE, len(order)) + 1), len(order)}):
             kept = search.fit(model.without(self.task, *order[count:]))
             gained = search.penalized_cost(kept) - search.penalized_cost(model)
-            bank = self._bank_beside(kept, gained)
-            if bank is not None:
+            least = _ENOUGH * gained + EVIDENCE_THRESHOLD
+            bank, gain = self.fit_beside(kept, least)
+            if gain > least:
                 return traced.reduced_to(kept, bank)
         return traced
 
-    def _bank_beside(self, model: FitResult, gained: float) -> float | None:
-        """Finds the bank, if it gains what the effects that a model lacks do [nats]."""
-        begun = max((self._begun(model, fin) for fin in _FINS), key=lambda own: own[1])
-        rolls, shown = begun
-        least = _ENOUGH * gained + EVIDENCE_THRESHOLD
+    def fit_beside(self, model: FitResult, least: float) -> tuple[float, float]:
+        """Fits banks beside a model's effects; returns that at the end, and the gain.
+
+        The gain is that of the marginal likelihood [nats]; zero where even before the
+        fit it is too small for `least`.
+        """
+        begun = [self._begun(model, fin) for fin in _FINS]
+        rolls, shown = max(begun, key=lambda own: own[1])
         if shown < _SHOWN * least + 0.5 * EVIDENCE_THRESHOLD:
-            return None
+            return 0.0, 0.0
         rolls = self._fit(rolls)
-        cost = rolls.cost + rolls.model.freedom
-        if model.cost + model.freedom - cost < least:
-            return None
-        return float(rolls.spreads[1])
+        gain = model.cost + model.freedom - rolls.cost - rolls.model.freedom
+        return float(rolls.spreads[1]), gain
 
     def _begun(self, model: FitResult, fin: float) -> tuple[_Rolls, float]:
         """Flights that roll by the likeliest of some banks, and what that gains."""
