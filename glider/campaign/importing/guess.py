@@ -227,7 +227,8 @@ def _priors(
         signs = [{"pitch": sign} for sign in ("nose_up", "nose_down")]
         known = tops if "yaw" in columns else [{}]
         return [(sign | top, 0.5) for sign in signs for top in known], usual
-    axes = next(a for a in _SHAPES["attitude"] if log.find_all(attitude, a, "attitude"))
+    found = log.find_all(attitude, _SHAPES["attitude"], "attitude")
+    axes = found[0] if found else ""
     if axes in ("012345678", "xyzw") or log.rotation is not None:
         return [({}, 1.0)], usual
     orders = _FOUR if axes == "0123" else _THREE
@@ -356,7 +357,7 @@ def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
         for stem in filter(is_named, stems):
             if stem in columns.values():  # As qx, qy, qz of pose.x, ..., pose.qx.
                 continue
-            if any(log.find_all(stem, axes, quantity) for axes in shapes):
+            if log.find_all(stem, shapes, quantity):
                 fits.append(stem)
         # A reader's own names: a header may name the same numbers in another order.
         fits = [f for f in fits if f.endswith((".Position", ".Rotation"))] or fits
@@ -409,10 +410,10 @@ def _travel(log: Recording, stem: str) -> float:
 
 def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
     """Values of a vector (k, n) or a scalar (n,), and their unit."""
-    for axes in ("xyz", "012"):
-        found = log.find_all(name, axes, name)
-        if found:
-            return np.stack([c.values for c in found[1]]), found[1][0].unit
+    found = log.find_all(name, ("xyz", "012"), name)
+    if found:
+        _, (_, columns) = found
+        return np.stack([c.values for c in columns]), columns[0].unit
     _, column = log.find(name, name)
     return column.values, column.unit
 

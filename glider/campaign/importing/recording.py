@@ -17,6 +17,7 @@ import numpy as np
 
 from glider.errors import InputError, expect, show
 
+_INDEXED = ("{name}[{axis}]", "{name}{axis}")
 _VECTORS = ("{name}.{axis}", "{name}_{axis}", "{name} {axis}", "{name}{axis}")
 
 _MOST = 1000  # Names that are compared with one that is not there.
@@ -114,21 +115,25 @@ class Recording:
                 reason = f"'{name}' is not read: {why}"
         raise InputError(f"{self.path}: {field}: {reason}.")
 
-    def find_all(self, address: str, axes: str, field: str) -> Vector | None:
-        """Finds the columns of a vector by their common name; None where it is none.
+    def find_all(
+        self, address: str, shapes: Sequence[str], field: str
+    ) -> tuple[str, Vector] | None:
+        """Finds the columns of a vector by their common name, and its axes, if it has.
 
-        Their axes are letters in the order wanted, or digits for name[0], name[1].
+        A shape has the letters of its axes in the order wanted, or digits for name[0],
+        name[1]; the first that is there counts.
         """
         known: dict[str, str] = {}
         for full, group, _ in self._all():
             for name in (full.removeprefix(f"{group.name}."), full):
                 known |= {split_suffix(name)[0]: full, name: full}
-        spellings = ("{name}[{axis}]", "{name}{axis}")
-        for spelling in spellings if axes[0].isdigit() else _VECTORS:
-            for letters in (axes, axes.upper()):
-                names = [spelling.format(name=address, axis=a) for a in letters]
-                if known.keys() >= set(names):
-                    return self.find_each([known[name] for name in names], field)
+        for axes in shapes:
+            for spelling in _INDEXED if axes[0].isdigit() else _VECTORS:
+                for letters in (axes, axes.upper()):
+                    names = [spelling.format(name=address, axis=a) for a in letters]
+                    if known.keys() >= set(names):
+                        found = self.find_each([known[name] for name in names], field)
+                        return axes, found
         return None
 
     def find_each(self, names: Sequence[str], field: str) -> Vector:
