@@ -7,6 +7,7 @@ question mark, the next best frame and what distinguishes both.
 
 import contextlib
 import json
+import math
 import os
 import re
 from collections.abc import Sequence
@@ -266,14 +267,10 @@ def _guess_elevator(campaign: Campaign) -> tuple[_Fields, str]:
 
 def quoted(value: str | list[str]) -> str:
     """A name, or a list of several, as YAML has it."""
-    if isinstance(value, list) and len(value) == 1:
-        value = value[0]
-    if isinstance(value, list):
-        return f"[{', '.join(map(quoted, value))}]"
-    is_plain = re.fullmatch(r"[A-Za-z/][\w./]*", value)
-    if is_plain and value not in ("y", "n"):  # Those are booleans to some readers.
-        return value
-    return json.dumps(value, ensure_ascii=False)  # JSON's strings are YAML's, too.
+    text = yaml.safe_dump(
+        value, default_flow_style=True, width=math.inf, allow_unicode=True
+    )
+    return text.splitlines()[0]
 
 
 def _words(name: str) -> str:
@@ -429,7 +426,6 @@ def _guess_units(
         fits = [u for u, size in UNITS["time"].items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
             units["time"] = fits[0], f"its median step is {step:.4g}"
-    others = set()  # Kinds of which a quantity has not the unit of SI.
     found: dict[str, tuple[str, str]] = {}
     for quantities, largest in _LARGEST.items():
         own = [quantity for quantity in quantities if quantity in columns]
@@ -437,26 +433,25 @@ def _guess_units(
         if not read:
             continue
         unit = read[0][1]
-        kind = QUANTITIES[own[0]]
+        why = ""
         if unit is None:
             values = np.concatenate([np.abs(values).ravel() for values, _ in read])
-            reach = float(np.max(values, initial=0.0, where=np.isfinite(values)))
+            reach = np.nanmax(np.append(values, 0.0))
+            larger = (name for most, name in largest if reach > most)
+            unit = next(larger, next(iter(UNITS[QUANTITIES[own[0]]])))
             why = f"'{own[0]}' reaches {reach:.4g}"
             if own[0] in ("elevator", _ANGLE) and _are_pulses(values):
+                unit = _PULSE_SCALE
                 why = f"? {why}: microseconds, and gain is the angle of one in rad"
-                units[own[0]] = _PULSE_SCALE, why
-                continue
-            larger = (name for most, name in largest if reach > most)
-            unit = next(larger, next(iter(UNITS[kind])))
-            found |= dict.fromkeys(own, (unit, why))
-        if UNITS[kind][unit] != 1.0:
-            others.add(kind)
-    for quantity, (unit, why) in found.items():
-        kind = QUANTITIES[quantity]
-        if UNITS[kind][unit] != 1.0:
-            units["length" if kind == "length" else quantity] = unit, why
-        elif kind in others:
-            units[quantity] = unit, f"? {why}"
+        found |= dict.fromkeys(own, (unit, why))
+    # Those that are not of SI are stated, and what they may be confused with.
+    is_si = {name: UNITS[QUANTITIES[name]].get(found[name][0]) == 1.0 for name in found}
+    kinds = {QUANTITIES[name] for name in found if not is_si[name]}
+    for name, (unit, why) in found.items():
+        kind = QUANTITIES[name]
+        if why and kind in kinds:
+            what = "length" if kind == "length" else name
+            units[what] = unit, f"? {why}" if is_si[name] else why
     return units
 
 
