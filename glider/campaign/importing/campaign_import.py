@@ -27,6 +27,7 @@ from glider.campaign.importing.track import (
     angles_of,
     make_track,
     turn_along,
+    within_pi,
 )
 from glider.campaign.logs import Campaign, ServoLog
 from glider.campaign.settings import Mapping, read_settings
@@ -170,7 +171,7 @@ def read_flights(
             noted = dict.fromkeys(
                 note for cut in result.recordings for note in cut.notes
             )
-            reasons = [*itertools.islice(noted, _REASONS), "..."][: len(noted)]
+            reasons = itertools.islice(noted, _REASONS)
             raise InputError(
                 f"{mapping}: no flight was found in "
                 f"{_count(result.recordings, 'recording')}: {'; '.join(reasons)} (are "
@@ -297,9 +298,9 @@ def _make_table(
     flight = turn_along(dataclasses.replace(piece, servo=track.servo))
     pitch, sideways = angles_of(flight)
     x, y, z = flight.position.T
-    columns = {"time": flight.time, "x": x, "z": z, "pitch": _wrap(pitch)}
+    columns = {"time": flight.time, "x": x, "z": z, "pitch": within_pi(pitch)}
     if sideways is not None:
-        roll, yaw = _wrap(sideways.T)
+        roll, yaw = within_pi(sideways.T)
         columns |= {"y": y, "roll": roll, "yaw": yaw}
     log = settings.servo
     note = ""
@@ -312,11 +313,6 @@ def _make_table(
         note = servo.note and f"servo: {servo.note}"
     group = Group("", {name: Column(values) for name, values in columns.items()})
     return Recording(track.path, (group,)), log, note
-
-
-def _wrap(angle: np.ndarray) -> np.ndarray:
-    """Angles (n,) within ±π: a campaign's are below one turn [rad]."""
-    return np.angle(np.exp(1j * angle))
 
 
 def _count(things: Sequence, what: str = "flight") -> str:
@@ -365,6 +361,5 @@ def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
             since = 0.0 if column.epoch is None else column.epoch - start
             columns[own] = dataclasses.replace(column, values=column.values + since)
         joined.append(Group(name, columns, group.time, clock=pattern))
-    rotation = next((p.rotation for p in parts.values() if p.rotation), None)
-    up = next((p.up for p in parts.values() if p.up), "")
-    return Recording(files[patterns[0]], tuple(joined), rotation, up=up)
+    posed = max(parts.values(), key=lambda part: (part.rotation is not None, part.up))
+    return Recording(files[patterns[0]], tuple(joined), posed.rotation, up=posed.up)

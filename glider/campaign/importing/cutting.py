@@ -89,7 +89,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
             begin, end = part.span
             notes.append(f"{begin:.3f}-{end:.3f} s: {found}")
     if not parts and not notes:
-        reach = np.max(np.ptp(track.position, axis=0))
+        reach = np.max(np.ptp(seen.position, axis=0))
         notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
     dropped = {"that repeat the pose before": frozen | again, FILLED: filled}
     for why, rows in dropped.items():
@@ -126,8 +126,9 @@ def _find_parts(track: Track, drive: _Drive) -> list[tuple[int, int]]:
     for block in np.split(np.arange(len(time)), breaks):
         if len(block) >= _MIN_ROWS:
             for first, last in stretches(moves[block]):
-                parts.append((int(block[first]), int(block[last])))
-    return [part for part in parts if np.ptp(time[[*part]]) > 0.5 * _SHORTEST]
+                if np.ptp(time[block[[first, last]]]) > 0.5 * _SHORTEST:
+                    parts.append((int(block[first]), int(block[last])))
+    return parts
 
 
 def _flies_on(begin: float, end: float, drive: _Drive) -> bool:
@@ -180,8 +181,6 @@ def _find_flight(
     if len(flight.time) < _MIN_ROWS or np.ptp(flight.time) < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
     flown = own.between(begin, end)
-    if not len(flown.time) or np.median(flown.push) > _FREE:
-        return "something pushes it throughout"
     lost = flown.energy[0] - flown.energy[-1]
     way = np.ptp(flown.way)
     if np.ptp(flight.time) > _LONG and lost * _BEST_GLIDE < gravity * way:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from glider.campaign.checks.forces import check_fall, fit_elevator, measure_motions
+from glider.campaign.checks.forces import fit_elevator, measure_motions
 from glider.campaign.checks.frame import SIGNIFICANT, check_signs
 from glider.campaign.checks.servo import follow_sign, measure_elevators
 from glider.campaign.importing.campaign_import import (
@@ -77,6 +77,7 @@ _LARGEST: dict[tuple[str, ...], tuple[tuple[float, str], ...]] = {
 }
 """Of quantities with one unit what is most in SI, and the unit of what is more. Heights
 and y may have any origin."""
+_SLOW = 3.0  # Ratio of commands to angles below which they are angles [1/s].
 _PULSES = (500.0, 2500.0)  # Widths that servos take, and angles are not [us].
 _PULSE_SCALE = "{gain: 0.00157, zero: 1500}"  # Of most: a quarter turn in 1000 us.
 _FOUR = {"xyzw": 0.5, "wxyz": 0.5}
@@ -163,13 +164,10 @@ def _make_mapping(**fields: Any) -> Mapping:
 def _find_doubts(campaign: Campaign, by_range: bool) -> list[str]:
     """What the flights of a guess contradict, or do not confirm of units by range."""
     try:
-        check_signs(campaign)
-        if by_range:
-            motions = measure_motions(campaign.flights, {})
-            return [*check_fall(campaign, motions, says_unknown=True)]
+        shown = check_signs(campaign)
     except InputError as error:
         return [f"an import refuses it: {str(error).removeprefix('guess: ')}"]
-    return []
+    return [words for words in shown if by_range and "gravity" in words]
 
 
 def guess_columns(files: Sequence[Path]) -> _Columns:
@@ -356,12 +354,8 @@ def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
                 continue
             if log.find_all(stem, shapes, quantity):
                 fits.append(stem)
-        # A reader's own names: a header may name the same numbers in another order.
-        fits = [f for f in fits if f.endswith((".Position", ".Rotation"))] or fits
-        owner = columns.get("attitude", "").rpartition(".")[0]
-        own = [stem for stem in fits if owner and f"{stem}.".startswith(f"{owner}.")]
         if fits:
-            columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
+            columns[quantity] = max(fits, key=lambda stem: _travel(log, stem))
     return columns
 
 
@@ -389,20 +383,16 @@ def _is_angle(log: Recording, columns: _Columns) -> bool:
     command, unit = _values(log, name)
     if unit or _are_pulses(command):
         return unit in (None, "deg", "rad")
-    angle, _ = _values(log, columns.get("elevator") or name)
-    if re.search(_IS_RATE, _words(name)) or len(angle) != len(command):
+    if "elevator" not in columns or re.search(_IS_RATE, _words(name)):
         return False
-    logged = np.stack([command, np.gradient(angle), angle])
-    shown = logged[:, np.isfinite(logged).all(axis=0)]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        _, to_rate, to_angle = np.abs(np.corrcoef(shown)[0])
-    return "elevator" in columns and bool(to_angle > to_rate)
+    angle, _ = _values(log, columns["elevator"])
+    # A servo passes its whole travel in a fraction of a second.
+    return bool(np.nanstd(command) < _SLOW * np.nanstd(angle))
 
 
 def _travel(log: Recording, stem: str) -> float:
     """Way of a vector: the glider moves most, not the wand on the floor."""
-    steps = np.abs(np.diff(_values(log, stem)[0]))
-    return float(np.nansum(steps)) if np.isfinite(steps).any() else -1.0
+    return float(np.nansum(np.abs(np.diff(_values(log, stem)[0]))))
 
 
 def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
