@@ -223,15 +223,28 @@ def as_files(files: Iterable[Path | str]) -> list[Path]:
 
 
 def cut_recordings(
-    recordings: Sequence[Recording], mapping: Mapping, settings: Campaign
+    recordings: Sequence[Recording],
+    mapping: Mapping,
+    settings: Campaign,
+    *,
+    are_flights: bool = False,
 ) -> ImportResult:
-    """Cuts the flights out of recordings; their campaign may be empty.
+    """Cuts the flights out of recordings, unless they are flights.
 
-    Even steps are restored where the stamps of poses jitter, also to logs of the servo
-    that have the same stamps.
+    Their campaign may be empty. Even steps are restored where the stamps of poses
+    jitter, also to logs of the servo that have the same stamps.
     """
-    parts = (split_flights(r, mapping.columns) for r in recordings)
-    tracks = [make_track(r, mapping) for r in itertools.chain.from_iterable(parts)]
+    parts = []
+    for recording in recordings:
+        flights = split_flights(recording, mapping.columns)
+        if are_flights and len(flights) > 1:
+            raise InputError(
+                f"{recording.path}: holds {len(flights)} flights (by its column "
+                "'flight', or its time); expected one in each file (glider import "
+                "splits them)."
+            )
+        parts += flights
+    tracks = [make_track(part, mapping) for part in parts]
     poses = [(track.time, track.position) for track in tracks]
     restored, jittering = find_even_times(poses, settings.pose_rate)
     for k, even in enumerate(restored):
@@ -249,17 +262,19 @@ def cut_recordings(
                 servo=ServoLogs(*moved),
                 jitter=even.jitter,
             )
-    found = [cut(track, settings.gravity) for track in tracks]
+    found = [
+        ([track], []) if are_flights else cut(track, settings.gravity)
+        for track in tracks
+    ]
     tracks, warnings = join_clocks(tracks, [pieces for pieces, _ in found], mapping)
     cuts = []
     tables = []
     servo_logs = []
     for track, (pieces, notes) in zip(tracks, found, strict=True):
         own = [_make_table(track, piece, mapping, settings) for piece in pieces]
-        tables += [table for table, _, _ in own]
-        servo_logs += [log for _, log, _ in own[-1:]]  # Flights of a log share it.
-        of_servo = [note for _, _, note in own if note]
-        noted = dict.fromkeys([*notes, *track.notes, *of_servo])
+        tables += [table for table, _ in own]
+        servo_logs += [log for _, log in own[-1:]]  # Flights of a log share it.
+        noted = dict.fromkeys([*notes, *track.notes])
         cuts.append(_CutRecording(track.path, tuple(pieces), tuple(noted)))
     for table in tables:
         time = table.groups[0].columns["time"]
@@ -269,32 +284,16 @@ def cut_recordings(
     campaign = dataclasses.replace(settings, servo=servo, notes=shown)
     if tables:
         names = [f"flight_{k:03d}.csv" for k in range(len(tables))]
-        campaign = with_flights(campaign, tables, names)
+        campaign = with_flights(campaign, tables, () if are_flights else names)
         if servo.command == "converted":
             campaign = align_commands(campaign)
     return ImportResult(campaign=campaign, recordings=tuple(cuts))
 
 
-def map_flight(
-    recording: Recording, mapping: Mapping, settings: Campaign
-) -> tuple[Recording, ServoLog]:
-    """Converts a recording that is one flight to a campaign's columns; cuts nothing."""
-    parts = split_flights(recording, mapping.columns)
-    if len(parts) > 1:
-        raise InputError(
-            f"{recording.path}: holds {len(parts)} flights (by its column 'flight', or "
-            "its time); expected one in each file (glider import splits them)."
-        )
-    track = make_track(recording, mapping)
-    [shifted], _ = join_clocks([track], [[track]], mapping)
-    table, log, _ = _make_table(shifted, track, mapping, settings)
-    return table, log
-
-
 def _make_table(
     track: Track, piece: Track, mapping: Mapping, settings: Campaign
-) -> tuple[Recording, ServoLog, str]:
-    """A flight of a recording in a campaign's columns; its servo's log, and a note."""
+) -> tuple[Recording, ServoLog]:
+    """A flight of a recording in a campaign's columns, and its servo's log."""
     flight = turn_along(dataclasses.replace(piece, servo=track.servo))
     pitch, sideways = angles_of(flight)
     x, y, z = flight.position.T
@@ -303,16 +302,14 @@ def _make_table(
         roll, yaw = within_pi(sideways.T)
         columns |= {"y": y, "roll": roll, "yaw": yaw}
     log = settings.servo
-    note = ""
     servo = make_servo(flight, settings, mapping.source)
     if servo is not None:
         columns["elevator"] = servo.elevator
         columns["elevator_rate_command"] = servo.command
         if log == ServoLog():  # Otherwise it is specified.
             log = widen(servo.log, track)
-        note = servo.note and f"servo: {servo.note}"
     group = Group("", {name: Column(values) for name, values in columns.items()})
-    return Recording(track.path, (group,)), log, note
+    return Recording(track.path, (group,)), log
 
 
 def _count(things: Sequence, what: str = "flight") -> str:

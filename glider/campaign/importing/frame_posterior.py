@@ -14,7 +14,6 @@ independent ones (benchmarks/bench_guess.py measures how often a certain frame i
 wrong).
 """
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -26,7 +25,7 @@ from scipy.special import softmax
 from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.track import make_track, planar_rotation, turn_along
+from glider.campaign.importing.track import make_track, turn_along
 from glider.campaign.settings import AXES, Mapping, unit_vector
 from glider.physics.parameters import GliderParameters
 
@@ -116,12 +115,7 @@ def fly_all(logs: Sequence[Recording], mapping: Mapping) -> list[_Flight]:
     flights = []
     for log in logs:
         track = make_track(log, mapping)
-        seen = track
-        if track.spatial:
-            # The nose is unknown: contacts are found by y, not by the pitch.
-            level = planar_rotation(track.position[:, 1])
-            seen = dataclasses.replace(track, rotation=level, spatial=False)
-        pieces, _ = cut(seen, _GRAVITY)
+        pieces, _ = cut(track, _GRAVITY)
         for piece in pieces:
             flown = piece if track.spatial else turn_along(piece)
             stride = max(1, round(_STEP / float(np.median(np.diff(flown.time)))))

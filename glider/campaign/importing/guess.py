@@ -133,9 +133,6 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     if _ANGLE in columns and is_px4:
         reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
     doubts = _find_doubts(campaign, bool({"length", "time"} & reasons.keys()))
-    east = re.search("east|ost|est", _words(columns.get("y", "")))
-    if "roll" in columns and east and frame.get("up") == "z":
-        doubts.append("north, east and up are left-handed: check roll's sign")
     lines = ["# Proposed by --guess: check each line before you use it."]
     if join:
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
@@ -173,8 +170,7 @@ def _find_doubts(campaign: Campaign, by_range: bool) -> list[str]:
 def guess_columns(files: Sequence[Path]) -> _Columns:
     """The columns that names tell, by quantity, also where they make no flights."""
     recordings, _ = _read(sorted(map(Path, files)))
-    found = _find(recordings[0])
-    return {quantity: found[quantity] for quantity in QUANTITIES if quantity in found}
+    return _find(recordings[0])
 
 
 def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
@@ -188,12 +184,9 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
     if posed and len(posed) == len(others):
         pair = [posed[0].name, others[0].name]
         before = os.path.commonprefix(pair)  # noqa: RUF071 -- of names, not paths.
-        after = os.path.commonprefix([n[::-1] for n in pair])[::-1]  # noqa: RUF071
-        ends = [f"*{name.removeprefix(before)}" for name in pair]
-        beginnings = [f"{name.removesuffix(after)}*" for name in pair]
-        for join in (ends, beginnings):
-            with contextlib.suppress(InputError):  # Not all files have such names.
-                return read_logs(list(logs), _make_mapping(join=join), silent), join
+        join = [f"*{name.removeprefix(before)}" for name in pair]
+        with contextlib.suppress(InputError):  # Not all files have such names.
+            return read_logs(list(logs), _make_mapping(join=join), silent), join
     found = [recording for file in posed or logs for recording in logs[file]]
     return found[:_MAX_FILES], []
 
@@ -299,7 +292,7 @@ def _guess_columns(log: Recording) -> _Columns:
             f"their names in {listed}; write the mapping by hand (markers give an "
             "attitude as {nose: ..., tail: ...})."
         )
-    return {q: columns[q] for q in QUANTITIES if q in columns}
+    return columns
 
 
 def _has_pose(columns: _Columns) -> bool:
@@ -334,7 +327,9 @@ def _find(log: Recording) -> _Columns:
         times += own[:1]
     if times:
         columns["time"] = list(dict.fromkeys(times))
-    return columns
+    return {
+        quantity: columns[quantity] for quantity in QUANTITIES if quantity in columns
+    }
 
 
 def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
