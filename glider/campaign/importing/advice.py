@@ -41,7 +41,8 @@ def advise(
 ) -> InputError:
     """Adds to a refusal which changes of the mapping pass all checks, if any do."""
     some = recordings[:_MOST_RECORDINGS]
-    if sum(map(_count_rows, some)) > _MOST_ROWS:
+    longest = [max(group.rows for group in own.groups) for own in some]
+    if sum(longest) > _MOST_ROWS:
         return error
     passed = []
     for part, value in _changes(claim, some[0]):
@@ -58,11 +59,6 @@ def advise(
     if not words:
         return error
     return InputError(f"{str(error).rstrip('.')}; with {words} it passes all checks.")
-
-
-def _count_rows(recording: Recording) -> int:
-    columns = (c for group in recording.groups for c in group.columns.values())
-    return max((len(column.values) for column in columns), default=0)
 
 
 def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:

@@ -71,6 +71,12 @@ class ImportResult:
         few = 2 * flying < len(self.recordings)
         return [*self.campaign.notes, *[f"{self.empty}; is 'frame:' right?"] * few]
 
+    @property
+    def reasons(self) -> str:
+        """The first notes on recordings, as on why they have no flight."""
+        noted = dict.fromkeys(note for own in self.recordings for note in own.notes)
+        return "; ".join(itertools.islice(noted, _REASONS))
+
     def report(self) -> dict[str, Any]:
         """All of it, as JSON has it; times are those of the recordings [s]."""
         cuts = [(own.path, piece) for own in self.recordings for piece in own.flights]
@@ -168,14 +174,10 @@ def read_flights(
         result = cut_recordings(some, claim, settings)
         campaign = result.campaign
         if not campaign.flights:
-            noted = dict.fromkeys(
-                note for cut in result.recordings for note in cut.notes
-            )
-            reasons = itertools.islice(noted, _REASONS)
             raise InputError(
                 f"{mapping}: no flight was found in "
-                f"{_count(result.recordings, 'recording')}: {'; '.join(reasons)} (are "
-                "'up' and the units right?)."
+                f"{_count(result.recordings, 'recording')}: {result.reasons} (are 'up' "
+                "and the units right?)."
             )
         shown = [*check_signs(campaign), *_check_order(some, claim)]
         notes = tuple(dict.fromkeys((*campaign.notes, *shown)))
@@ -358,5 +360,5 @@ def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
             since = 0.0 if column.epoch is None else column.epoch - start
             columns[own] = dataclasses.replace(column, values=column.values + since)
         joined.append(Group(name, columns, group.time, clock=pattern))
-    posed = max(parts.values(), key=lambda part: (part.rotation is not None, part.up))
+    posed = max(parts.values(), key=lambda part: (bool(part.rotation), part.up))
     return Recording(files[patterns[0]], tuple(joined), posed.rotation, up=posed.up)

@@ -66,7 +66,6 @@ _EULER = "roll", "pitch", "yaw"
 _SCALARS = (_RATE, _ANGLE, "x", "z", "y", *_EULER, "elevator")
 _INSTEAD = dict.fromkeys("xyz", "position") | dict.fromkeys(_EULER, "attitude")
 _INSTEAD |= {_ANGLE: _RATE}  # Quantity that makes another needless.
-_IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
 _SAYS_NOTHING = re.compile(r"\.(position|data|value|angle|output)(\[0\])?$").search
 _LARGEST: dict[tuple[str, ...], tuple[tuple[float, str], ...]] = {
     ("position", "x"): ((1000.0, "mm"), (100.0, "cm")),
@@ -120,12 +119,11 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         ranked = ranked or [(readings[0][0], 0.0)]
     frame, probability = ranked[0]
     campaign = _make_campaign(recordings, claim(frame))
-    whys = dict.fromkeys(frame, "")
+    why = ""
     vehicle = "fixed_per_flight  # no elevator found; 'fixed' if all had one trim"
     if campaign.elevator == "servo":
         signs, why = _guess_elevator(campaign)
         frame = frame | signs
-        whys |= dict.fromkeys(signs, "") | {"elevator": why}
         campaign = _make_campaign(recordings, claim(frame))
         # Commanded angles cannot be used without the limit.
         limit = "if you know it:" if "elevator" in columns else "? missing:"
@@ -143,8 +141,9 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     lines += [f"  {kind}: {unit}  # {why}" for kind, (unit, why) in reasons.items()]
     lines.append(f"frame:  # {'by the format' if is_px4 else _explain(ranked)}")
     lines += [f"  # ? {words}" for words in doubts]
-    for name, why in whys.items():
-        lines.append(f"  {name}: {quoted(frame[name])}" + (f"  # {why}" if why else ""))
+    for name, value in frame.items():
+        reason = f"  # {why}" if name == "elevator" else ""
+        lines.append(f"  {name}: {quoted(value)}{reason}")
     lines.append("vehicle:  # what you know: mass, wing_area, ... in kg, m, s")
     lines.append(f"  elevator: {vehicle}")
     text = "".join(f"{printable(line)}\n" for line in lines)
@@ -199,9 +198,8 @@ def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
     settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
     found = cut_recordings(recordings, claim, settings)
     if not found.campaign.flights:
-        notes = [note for cut in found.recordings for note in cut.notes]
-        reasons = "; ".join(notes) or "nothing moves"
-        raise InputError(f"{recordings[0].path}: no flight was found ({reasons}).")
+        path = recordings[0].path
+        raise InputError(f"{path}: no flight was found ({found.reasons}).")
     return found.campaign
 
 
@@ -221,7 +219,7 @@ def _priors(
         return [(sign | top, 0.5) for sign in signs for top in known], usual
     found = log.find_all(attitude, _SHAPES["attitude"], "attitude")
     axes = found[0] if found else ""
-    if axes in ("012345678", "xyzw") or log.rotation is not None:
+    if axes in ("012345678", "xyzw") or log.rotation:
         return [({}, 1.0)], usual
     orders = _FOUR if axes == "0123" else _THREE
     return [({"rotation": order}, prior) for order, prior in orders.items()], usual
@@ -304,7 +302,7 @@ def _find(log: Recording) -> _Columns:
     """Columns by quantity, those that are recognized."""
     if {"position", "attitude"} <= log.known.keys():
         return dict(log.known)
-    names = [name for name in _addresses(log) if not _IS_TIME(name)]
+    names = _addresses(log)
     columns = _find_vectors(log, names)
     for quantity in _SCALARS:
         if _INSTEAD.get(quantity) in columns:

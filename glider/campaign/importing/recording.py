@@ -73,6 +73,11 @@ class Group:
     clock: str = ""  #: Groups of one clock have the same name here.
     lines: Sequence[int] | None = None  #: Of rows in a text; None: counted from 0.
 
+    @property
+    def rows(self) -> int:
+        """Number of rows, of the longest column."""
+        return max((len(column.values) for column in self.columns.values()), default=0)
+
 
 Vector = tuple[Group, list[Column]]  # Columns side by side, and their group.
 
@@ -83,7 +88,7 @@ class Recording:
 
     path: Path  #: Of the file; of a part of it: file/part.
     groups: tuple[Group, ...]
-    rotation: str | None = None  #: As in `frame: rotation:`; None: the format is open.
+    rotation: str = ""  #: As in `frame: rotation:`; "": the format is open.
     known: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Addresses of the quantities whose columns the format itself fixes."""
     up: str = ""  #: Axis that points up in most files of the format; "": none does.
@@ -146,7 +151,7 @@ class Recording:
             )
         return groups[0], list(columns)
 
-    def find_times(self, group: Group, named: Any, rows: int) -> Column | None:
+    def find_times(self, group: Group, named: Any) -> Column | None:
         """Finds the times of a group's rows, of which there are as many."""
         names = [named] if isinstance(named, str) else named
         for name in (*names, group.time or ""):  # A damaged log may lack it.
@@ -154,7 +159,7 @@ class Recording:
             if column is not None:
                 return column
         for address, other, column in self._all():  # Of the same clock.
-            fits = other.clock == group.clock and len(column.values) == rows
+            fits = other.clock == group.clock and len(column.values) == group.rows
             if fits and {address, address.removeprefix(f"{other.name}.")} & set(names):
                 return column
         return None

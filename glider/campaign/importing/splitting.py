@@ -69,18 +69,15 @@ def _find_spans(
     recording: Recording, group: Group, columns: _Columns
 ) -> dict[str, slice]:
     """The rows of each flight of a group by its name; "" where it is one."""
-    rows = max((len(column.values) for column in group.columns.values()), default=0)
-    labels = _find_labels(recording, group, columns, rows)
-    starts = {0}
-    if labels:
-        starts.update(row for row in range(1, rows) if labels[row] != labels[row - 1])
-    time = recording.find_times(group, columns.get("time", "time"), rows)
+    labels = _find_labels(recording, group, columns)
+    starts = {0, *_find_changes(labels)}
+    time = recording.find_times(group, columns.get("time", "time"))
     if time is not None:
         starts.update(find_restarts(time.values))
     if not labels and len(starts) == 1:
-        return {"": slice(0, rows)}
+        return {"": slice(0, group.rows)}
     spans: dict[str, slice] = {}
-    bounds = itertools.pairwise([*sorted(starts), rows])
+    bounds = itertools.pairwise([*sorted(starts), group.rows])
     for k, (start, end) in enumerate(bounds, 1):
         if labels and not labels[start]:
             continue
@@ -95,7 +92,7 @@ def _find_spans(
 
 
 def _find_labels(
-    recording: Recording, group: Group, columns: _Columns, rows: int
+    recording: Recording, group: Group, columns: _Columns
 ) -> Sequence[str]:
     """Flight of each row as text, by the column of flights; () where there is none."""
     name = columns.get(_FLIGHT, _FLIGHT)
@@ -105,16 +102,21 @@ def _find_labels(
     cells = column.labels
     if cells is None:
         cells = [f"{v:g}" if np.isfinite(v) else "" for v in column.values]
-    changes = [row for row in range(1, rows) if cells[row] != cells[row - 1]]
-    found = [cells[row] for row in (0, *changes) if rows and cells[row]]
-    is_short = rows < FEWEST_ROWS * len(found)
+    changes = _find_changes(cells)
+    found = [cells[row] for row in (0, *changes) if cells and cells[row]]
+    is_short = len(cells) < FEWEST_ROWS * len(found)
     if _FLIGHT in columns and is_short:
         raise InputError(
             f"{recording.path}: columns: flight: '{name}' has {len(set(found))} "
-            f"values but changes {len(changes)} times in {rows} rows; expected the "
-            f"rows of a flight together, {FEWEST_ROWS} or more of each."
+            f"values but changes {len(changes)} times in {len(cells)} rows; expected "
+            f"the rows of a flight together, {FEWEST_ROWS} or more of each."
         )
     return () if is_short else cells  # It may say something else.
+
+
+def _find_changes(labels: Sequence[str]) -> list[int]:
+    """Rows whose label is another than that of the row before."""
+    return [row for row in range(1, len(labels)) if labels[row] != labels[row - 1]]
 
 
 def _take(group: Group, rows: slice) -> Group:

@@ -149,11 +149,6 @@ def take(track: Track, rows: np.ndarray | slice) -> Track:
     )
 
 
-def planar_rotation(pitch: np.ndarray) -> np.ndarray:
-    """Rotations (n, 3, 3) by pitches (n,) alone, positive nose down [rad]."""
-    return Rotation.from_euler("y", pitch[:, None]).as_matrix()
-
-
 def turn_along(track: Track) -> Track:
     """Turns x along the line that fits the ground track best, where it must be.
 
@@ -283,12 +278,12 @@ class _Picker:
         if len(axes) == 9:
             return stream
         if len(axes) == 3:
-            return self._by_angles(stream, rotation or self._recording.rotation or "")
+            return self._by_angles(stream, rotation or self._recording.rotation)
         if isinstance(name, list):  # In any order.
             letters = "".join(part[-1:].lower() for part in name)
             axes = letters if sorted(letters) == sorted("xyzw") else "0123"
         known = ("wxyz", "xyzw") if axes == "0123" else (axes,)
-        own = rotation or (self._recording.rotation if axes == "0123" else axes) or ""
+        own = rotation or (self._recording.rotation if axes == "0123" else axes)
         expected = f"{' or '.join(known)}, the order of the quaternion's four numbers"
         self._check_rotation(own in known, own, expected)
         values = stream.values[:, [own.index(letter) for letter in "xyzw"]]
@@ -377,7 +372,7 @@ class _Picker:
             parts = list(map(self._scaled, quantities, columns))
         values = np.stack(parts, axis=1)
         named = self._columns.get("time", "time")
-        times = self._recording.find_times(group, named, len(values))
+        times = self._recording.find_times(group, named)
         if times is None:
             reason = f"no column of times was found for '{quantities[0]}'"
             raise self._error("time", f"{reason} (named {named!r})")

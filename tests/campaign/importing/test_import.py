@@ -17,7 +17,7 @@ from glider.campaign.importing import campaign_import, readers
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.guess import guess_mapping
-from glider.campaign.importing.track import Track, planar_rotation
+from glider.campaign.importing.track import Track
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from tests.campaign.importing import foreign
@@ -434,7 +434,7 @@ def test_a_recording_is_cut_at_the_vehicles_gravity():
         path=Path("drop.csv"),
         time=time,
         position=np.column_stack([x, np.zeros_like(x), z]),
-        rotation=planar_rotation(np.arctan2(gravity * falling, 5.0)),
+        rotation=foreign.planar_rotation(np.arctan2(gravity * falling, 5.0)),
         spatial=False,
     )
     [flight], _ = cut(track, gravity)

@@ -83,7 +83,7 @@ def _parse_motive(path: Path, rows: _Rows) -> Recording:
     columns = _make_columns(number_rows(rows, last + 1), heads)
     is_euler = sorted(order) == ["X", "Y", "Z"]
     table = Group("", columns, _TIME)
-    return Recording(path, (table,), order if is_euler else None, up="y")
+    return Recording(path, (table,), order if is_euler else "", up="y")
 
 
 def _parse_vicon(path: Path, rows: _Rows) -> Recording:
