@@ -203,13 +203,14 @@ def _fields(message: object) -> dict[str, Any]:
 
 
 def _name(message: object) -> str:
-    """The name of the body that a message is about; "": of none."""
+    """The name, or the number, of the body that a message is about; "": of none."""
     fields = _fields(message)
     for field, value in fields.items():
         is_name = field == "child_frame_id" or field.endswith("name")
         if is_name and isinstance(value, str) and value:
             return value
-    return ""
+    number = fields.get("id")
+    return str(number) if isinstance(number, (int, np.integer)) else ""
 
 
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
