@@ -87,7 +87,6 @@ class ImportResult:
                 "begin": piece.span[0],
                 "end": piece.span[1],
                 "rows": len(piece.time),
-                "why": piece.why,
             }
             for flight, (path, piece) in zip(self.campaign.flights, cuts, strict=True)
         ]
@@ -329,13 +328,13 @@ def read_logs(
     if not mapping.join:
         in_turn = announced(sorted(set(files)), "reading", progress)
         return [r for f in in_turn for r in read_recordings(f)]
-    parts: dict[str, dict[str, Path]] = {}
-    for file, pattern in itertools.product(sorted(files), mapping.join):
+    takes: dict[str, dict[str, Path]] = {}
+    for pattern, file in itertools.product(mapping.join, sorted(files)):
         if fnmatch.fnmatch(file.name, pattern):
             before, _, after = pattern.partition("*")
             key = file.name.removeprefix(before).removesuffix(after)
-            parts.setdefault(key, {})[pattern] = file
-    whole = {key: own for key, own in parts.items() if len(own) == len(mapping.join)}
+            takes.setdefault(key, {})[pattern] = file
+    whole = {key: own for key, own in takes.items() if len(own) == len(mapping.join)}
     alone = set(files).difference(*(own.values() for own in whole.values()))
     for file in sorted(alone):
         raise InputError(
@@ -343,13 +342,13 @@ def read_logs(
             f"file for each of {', '.join(mapping.join)} with the same text for *."
         )
     keys = announced(sorted(whole), "reading", progress)
-    return [_join(whole[key], mapping.join) for key in keys]
+    return [_join(whole[key]) for key in keys]
 
 
-def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
+def _join(files: dict[str, Path]) -> Recording:
     """One recording of several files; times of a calendar are from the earliest on."""
-    parts = {pattern: read_recording(files[pattern]) for pattern in patterns}
-    groups = [(pattern, own) for pattern in patterns for own in parts[pattern].groups]
+    parts = {pattern: read_recording(file) for pattern, file in files.items()}
+    groups = [(pattern, own) for pattern, part in parts.items() for own in part.groups]
     logged = [column for _, group in groups for column in group.columns.values()]
     start = min((c.epoch for c in logged if c.epoch is not None), default=0.0)
     joined = []
@@ -361,4 +360,5 @@ def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
             columns[own] = dataclasses.replace(column, values=column.values + since)
         joined.append(Group(name, columns, group.time, clock=pattern))
     posed = max(parts.values(), key=lambda part: (bool(part.rotation), part.up))
-    return Recording(files[patterns[0]], tuple(joined), posed.rotation, up=posed.up)
+    path = next(iter(files.values()))
+    return Recording(path, tuple(joined), posed.rotation, up=posed.up)

@@ -193,9 +193,9 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
 def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
     """What a mapping makes of recordings."""
     servo = any(name.startswith("elevator") for name in claim.columns)
-    fixed = Vehicle(elevator="fixed")
-    moving = Vehicle(elevator_rate_limit=_RATE_LIMIT)
-    settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
+    kind = "servo" if servo else "fixed"
+    vehicle = Vehicle(elevator=kind, elevator_rate_limit=_RATE_LIMIT)
+    settings = Settings(vehicle=vehicle).campaign(Path("guess"))
     found = cut_recordings(recordings, claim, settings)
     if not found.campaign.flights:
         path = recordings[0].path
