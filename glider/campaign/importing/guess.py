@@ -217,7 +217,7 @@ def _priors(
         signs = [{"pitch": sign} for sign in ("nose_up", "nose_down")]
         known = tops if "yaw" in columns else [{}]
         return [(sign | top, 0.5) for sign in signs for top in known], usual
-    found = log.find_all(attitude, _SHAPES["attitude"], "attitude")
+    found = log.find_all(attitude, _SHAPES["attitude"])
     axes = found[0] if found else ""
     if axes in ("012345678", "xyzw") or log.rotation:
         return [({}, 1.0)], usual
@@ -304,12 +304,14 @@ def _find(log: Recording) -> _Columns:
         return dict(log.known)
     names = _addresses(log)
     columns = _find_vectors(log, names)
+    for quantity, stem in columns.items():
+        _, used = log.find_all(stem, _SHAPES[quantity]) or ("", [])
+        names = [name for name in names if name not in used]
     for quantity in _SCALARS:
-        if _INSTEAD.get(quantity) in columns:
-            continue
-        found = _find_scalar(quantity, names, columns)
-        if found is not None:
+        found = _find_scalar(quantity, names)
+        if found is not None and _INSTEAD.get(quantity) not in columns:
             columns[quantity] = found
+            names.remove(found)
     if not set(_EULER) <= columns.keys():  # Only all three are a rotation.
         columns.pop("roll", None)
         columns.pop("yaw", None)
@@ -332,36 +334,29 @@ def _find(log: Recording) -> _Columns:
 
 def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
     """Common beginnings of the names of an attitude's and a position's columns."""
-    stems: dict[str, None] = {}
-    for name in names:
-        bare, _ = split_suffix(name)
-        first = re.fullmatch(r"(.+?)(\[?0\]?|[._ ]?[xX])", bare)
-        if first:
-            stems[first[1]] = None
+    bare = (split_suffix(name)[0] for name in names)
+    firsts = (re.fullmatch(r"(.+?)(\[?0\]?|[._ ]?[xX])", name) for name in bare)
+    stems = dict.fromkeys(first[1] for first in firsts if first)
     columns: _Columns = {}
     for quantity, shapes in _SHAPES.items():
         is_named = re.compile(_NAMES[quantity], re.IGNORECASE).search
-        fits = []
-        for stem in filter(is_named, stems):
-            if stem in columns.values():  # As qx, qy, qz of pose.x, ..., pose.qx.
-                continue
-            if log.find_all(stem, shapes, quantity):
-                fits.append(stem)
+        fits = [
+            stem
+            for stem in filter(is_named, stems)
+            # As qx, qy, qz of pose.x, ..., pose.qx.
+            if stem not in columns.values() and log.find_all(stem, shapes)
+        ]
+        owner = columns.get("attitude", "").rpartition(".")[0]
+        own = [stem for stem in fits if owner and f"{stem}.".startswith(f"{owner}.")]
         if fits:
-            columns[quantity] = max(fits, key=lambda stem: _travel(log, stem))
+            columns[quantity] = max(own or fits, key=lambda stem: _travel(log, stem))
     return columns
 
 
-def _find_scalar(quantity: str, names: Sequence[str], columns: _Columns) -> str | None:
-    """The first column whose name fits a quantity, and that is none of another."""
-    vectors = [re.escape(columns[q]) for q in _SHAPES if q in columns]
-    used = "|".join(vectors) or "$"
-    is_used = re.compile(rf"({used})[._ \[]?[xyzw\d]\]?", re.IGNORECASE).fullmatch
+def _find_scalar(quantity: str, names: Sequence[str]) -> str | None:
+    """The first of some columns whose name fits a quantity."""
     is_angle = quantity in ("elevator", *_EULER)
     for name in names:
-        bare, _ = split_suffix(name)
-        if is_used(bare) or name in columns.values():
-            continue
         words = _words(name)
         if is_angle and re.search(_NOT_AN_ANGLE, words):
             continue
@@ -390,12 +385,9 @@ def _travel(log: Recording, stem: str) -> float:
 
 def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
     """Values of a vector (k, n) or a scalar (n,), and their unit."""
-    found = log.find_all(name, ("xyz", "012"), name)
-    if found:
-        _, (_, columns) = found
-        return np.stack([c.values for c in columns]), columns[0].unit
-    _, column = log.find(name, name)
-    return column.values, column.unit
+    _, names = log.find_all(name, ("xyz", "012")) or ("", [name])
+    _, columns = log.find_each(names, name)
+    return np.squeeze([column.values for column in columns]), columns[0].unit
 
 
 def _guess_units(

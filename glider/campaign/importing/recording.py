@@ -121,9 +121,9 @@ class Recording:
         raise InputError(f"{self.path}: {field}: {reason}.")
 
     def find_all(
-        self, address: str, shapes: Sequence[str], field: str
-    ) -> tuple[str, Vector] | None:
-        """Finds the columns of a vector by their common name, and its axes, if it has.
+        self, address: str, shapes: Sequence[str]
+    ) -> tuple[str, list[str]] | None:
+        """Finds the axes and columns of a vector by their common name, if it has.
 
         A shape has the letters of its axes in the order wanted, or digits for name[0],
         name[1]; the first that is there counts.
@@ -137,8 +137,7 @@ class Recording:
                 for letters in (axes, axes.upper()):
                     names = [spelling.format(name=address, axis=a) for a in letters]
                     if known.keys() >= set(names):
-                        found = self.find_each([known[name] for name in names], field)
-                        return axes, found
+                        return axes, [known[name] for name in names]
         return None
 
     def find_each(self, names: Sequence[str], field: str) -> Vector:

@@ -357,9 +357,10 @@ class _Picker:
             # A position may be that of a body or a marker.
             owners = (name, f"{name}.Position") if shapes == _PLANE else (name,)
             for owner in owners:
-                found = self._recording.find_all(owner, shapes, field)
+                found = self._recording.find_all(owner, shapes)
                 if found is not None:
-                    return found
+                    axes, names = found
+                    return axes, self._recording.find_each(names, field)
             self._recording.find(name, field)  # Its error lists what is there.
         raise self._error(quantity, f"no columns '{name}' of a vector were found")
 
