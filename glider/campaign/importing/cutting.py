@@ -174,6 +174,8 @@ def _find_flight(
     if len(flight.time) < _MIN_ROWS or np.ptp(flight.time) < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
     flown = own.between(begin, end)
+    if not len(flown.time) or np.median(flown.push) > _FREE:
+        return "something pushes it throughout"
     lost = flown.energy[0] - flown.energy[-1]
     way = np.ptp(flown.way)
     if np.ptp(flight.time) > _LONG and lost * _BEST_GLIDE < gravity * way:

@@ -131,6 +131,9 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     if _ANGLE in columns and is_px4:
         reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
     doubts = _find_doubts(campaign, bool({"length", "time"} & reasons.keys()))
+    east = re.search("east|ost|est", _words(columns.get("y", "")))
+    if "roll" in columns and east and frame.get("up") == "z":
+        doubts.append("north, east and up are left-handed: check roll's sign")
     lines = ["# Proposed by --guess: check each line before you use it."]
     if join:
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")

@@ -290,6 +290,9 @@ class _Picker:
             norm = np.linalg.norm(values, axis=1)
         # Zeros stand for a body that is not seen; a damaged number may be huge.
         seen = (norm > 0.5) & (norm < 2.0)
+        if seen.any() and np.median(np.abs(norm - 1.0)) > 0.01:
+            reason = f"a quaternion has a length of {np.median(norm):.3g}; expected 1"
+            raise self._error("attitude", reason)
         turns = Stream(stream.time[seen], values[seen], stream.clock)
         return _turn(turns, Rotation.from_quat)
 

@@ -20,7 +20,8 @@ from glider.campaign.importing.recording import Column, Group, Recording, need, 
 from glider.errors import InputError, expect
 
 _TIME = "Time"
-_TIMEOUT = 300.0  # Time to read a file, at most [s].
+_TIMEOUT = 30.0  # Time to read a small file, at most [s].
+_SPEED = 2e6  # ... and what is read of a large one, at least [bytes/s].
 
 _Parameters = dict[str, list]  # Values by GROUP:NAME.
 
@@ -57,7 +58,8 @@ def _load(path: Path) -> tuple[_Parameters, dict[str, np.ndarray]]:
     Of 400 damaged files ezc3d 1.7 crashed on 8 and hung on 3.
     """
     need("ezc3d", path)
-    processes = joblib.Parallel(n_jobs=2, timeout=_TIMEOUT)
+    seconds = _TIMEOUT + path.stat().st_size / _SPEED
+    processes = joblib.Parallel(n_jobs=2, timeout=seconds)
     try:
         [content] = processes([joblib.delayed(_read_file)(str(path))])
     except (multiprocessing.TimeoutError, BrokenProcessPool):
