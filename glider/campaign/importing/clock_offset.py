@@ -224,7 +224,8 @@ def _find_offsets(recordings: Sequence[_Flown]) -> list[_Offset]:
         effect = None
         for _ in range(_ROUNDS if count > 1 else 1):
             found = [_search([turning], effect) for turning in turnings]
-            effect = _pool(turnings, np.array([offset.seconds for offset in found]))
+            stacked = _stack(turnings, np.array([own.seconds for own in found]))
+            effect = np.linalg.lstsq(*stacked, rcond=None)[0]
     start = np.linalg.lstsq(design, [own.seconds for own in found], rcond=None)[0]
     parameters, covariance = _refine(turnings, start, design)
     variances = np.diagonal(design @ covariance @ design.T)
@@ -310,12 +311,6 @@ def _correlate(
         rest = alone - (gain if effect is None else effect[-1]) * column
         found.append(math.sqrt(max(0.0, 1.0 - rest @ rest / power)))
     return np.array(found)
-
-
-def _pool(turnings: Sequence[_Turning], offsets: np.ndarray) -> np.ndarray:
-    """Effects (5,) of base and elevator in all recordings, each at its offset."""
-    design, target = _stack(turnings, offsets)
-    return np.linalg.lstsq(design, target, rcond=None)[0]
 
 
 def _stack(
