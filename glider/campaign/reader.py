@@ -6,7 +6,6 @@ what was expected. Irregular times and missing rows are fine. What campaign.yaml
 stays unknown.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -56,14 +55,11 @@ def make_campaign(
         return with_flights(campaign, recordings)
     # SciPy's rotations are slow to import: only where there is a mapping.
     from glider.campaign.checks.frame import check_signs
-    from glider.campaign.importing.campaign_import import map_flight
+    from glider.campaign.importing.campaign_import import cut_recordings
 
-    mapped = [map_flight(recording, mapping, campaign) for recording in recordings]
-    campaign = dataclasses.replace(campaign, servo=mapped[0][1])
-    names = [recording.path.name for recording in recordings]
-    campaign = with_flights(campaign, [made for made, _ in mapped], names)
-    check_signs(campaign)
-    return campaign
+    made = cut_recordings(recordings, mapping, campaign, are_flights=True).campaign
+    check_signs(made)
+    return made
 
 
 def _choose(folder: Path, flights: Sequence[str] | None) -> list[str]:

@@ -16,7 +16,7 @@ import yaml
 
 from glider.campaign.checks.frame import calc_misfit
 from glider.campaign.importing.recording import UNITS, Recording
-from glider.campaign.settings import FRAME_CHOICES, QUANTITIES, Mapping
+from glider.campaign.settings import AXES, FRAME_CHOICES, QUANTITIES, Mapping
 from glider.errors import InputError
 
 _MOST_RECORDINGS = 6  # That changes are tried on.
@@ -41,7 +41,8 @@ def advise(
 ) -> InputError:
     """Adds to a refusal which changes of the mapping pass all checks, if any do."""
     some = recordings[:_MOST_RECORDINGS]
-    if sum(map(_count_rows, some)) > _MOST_ROWS:
+    longest = [max(group.rows for group in own.groups) for own in some]
+    if sum(longest) > _MOST_ROWS:
         return error
     passed = []
     for part, value in _changes(claim, some[0]):
@@ -60,11 +61,6 @@ def advise(
     return InputError(f"{str(error).rstrip('.')}; with {words} it passes all checks.")
 
 
-def _count_rows(recording: Recording) -> int:
-    columns = (c for group in recording.groups for c in group.columns.values())
-    return max((len(column.values) for column in columns), default=0)
-
-
 def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
     """Yields changes of one entry of a mapping: its part, and the new fields."""
     columns = claim.columns
@@ -77,13 +73,12 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
         for unit in UNITS["angle"]:
             both = {"elevator": unit, "elevator_rate_command": f"{unit}/s"}
             yield "units", both
-    frames: list[dict[str, str]] = []
+    signs = FRAME_CHOICES["elevator"][0]
+    frames = [{"elevator": e, "command": c} for e in signs for c in signs]
     for name in ("up", "forward", "pitch"):
         frames += [{name: value} for value in FRAME_CHOICES[name][0]]
-    signs = FRAME_CHOICES["elevator"][0]
-    frames += [{"elevator": e, "command": c} for e in signs for c in signs]
     if "attitude" in columns or "yaw" in columns:
-        axes = itertools.permutations(FRAME_CHOICES["nose"][0], 2)
+        axes = itertools.permutations(AXES, 2)
         frames += [{"nose": nose, "top": top} for nose, top in axes]
         frames += [{"rotation": order} for order in (*ORDERS, "wxyz", "xyzw")]
     yield from (("frame", frame) for frame in frames)

@@ -27,6 +27,7 @@ from glider.campaign.importing.track import (
     angles_of,
     make_track,
     turn_along,
+    within_pi,
 )
 from glider.campaign.logs import Campaign, ServoLog
 from glider.campaign.settings import Mapping, read_settings
@@ -70,6 +71,12 @@ class ImportResult:
         few = 2 * flying < len(self.recordings)
         return [*self.campaign.notes, *[f"{self.empty}; is 'frame:' right?"] * few]
 
+    @property
+    def reasons(self) -> str:
+        """The first notes on recordings, as on why they have no flight."""
+        noted = dict.fromkeys(note for own in self.recordings for note in own.notes)
+        return "; ".join(itertools.islice(noted, _REASONS))
+
     def report(self) -> dict[str, Any]:
         """All of it, as JSON has it; times are those of the recordings [s]."""
         cuts = [(own.path, piece) for own in self.recordings for piece in own.flights]
@@ -80,7 +87,6 @@ class ImportResult:
                 "begin": piece.span[0],
                 "end": piece.span[1],
                 "rows": len(piece.time),
-                "why": piece.why,
             }
             for flight, (path, piece) in zip(self.campaign.flights, cuts, strict=True)
         ]
@@ -167,14 +173,10 @@ def read_flights(
         result = cut_recordings(some, claim, settings)
         campaign = result.campaign
         if not campaign.flights:
-            noted = dict.fromkeys(
-                note for cut in result.recordings for note in cut.notes
-            )
-            reasons = [*itertools.islice(noted, _REASONS), "..."][: len(noted)]
             raise InputError(
                 f"{mapping}: no flight was found in "
-                f"{_count(result.recordings, 'recording')}: {'; '.join(reasons)} (are "
-                "'up' and the units right?)."
+                f"{_count(result.recordings, 'recording')}: {result.reasons} (are 'up' "
+                "and the units right?)."
             )
         shown = [*check_signs(campaign), *_check_order(some, claim)]
         notes = tuple(dict.fromkeys((*campaign.notes, *shown)))
@@ -222,15 +224,28 @@ def as_files(files: Iterable[Path | str]) -> list[Path]:
 
 
 def cut_recordings(
-    recordings: Sequence[Recording], mapping: Mapping, settings: Campaign
+    recordings: Sequence[Recording],
+    mapping: Mapping,
+    settings: Campaign,
+    *,
+    are_flights: bool = False,
 ) -> ImportResult:
-    """Cuts the flights out of recordings; their campaign may be empty.
+    """Cuts the flights out of recordings, unless they are flights.
 
-    Even steps are restored where the stamps of poses jitter, also to logs of the servo
-    that have the same stamps.
+    Their campaign may be empty. Even steps are restored where the stamps of poses
+    jitter, also to logs of the servo that have the same stamps.
     """
-    parts = (split_flights(r, mapping.columns) for r in recordings)
-    tracks = [make_track(r, mapping) for r in itertools.chain.from_iterable(parts)]
+    parts = []
+    for recording in recordings:
+        flights = split_flights(recording, mapping.columns)
+        if are_flights and len(flights) > 1:
+            raise InputError(
+                f"{recording.path}: holds {len(flights)} flights (by its column "
+                "'flight', or its time); expected one in each file (glider import "
+                "splits them)."
+            )
+        parts += flights
+    tracks = [make_track(part, mapping) for part in parts]
     poses = [(track.time, track.position) for track in tracks]
     restored, jittering = find_even_times(poses, settings.pose_rate)
     for k, even in enumerate(restored):
@@ -248,17 +263,19 @@ def cut_recordings(
                 servo=ServoLogs(*moved),
                 jitter=even.jitter,
             )
-    found = [cut(track, settings.gravity) for track in tracks]
+    found = [
+        ([track], []) if are_flights else cut(track, settings.gravity)
+        for track in tracks
+    ]
     tracks, warnings = join_clocks(tracks, [pieces for pieces, _ in found], mapping)
     cuts = []
     tables = []
     servo_logs = []
     for track, (pieces, notes) in zip(tracks, found, strict=True):
         own = [_make_table(track, piece, mapping, settings) for piece in pieces]
-        tables += [table for table, _, _ in own]
-        servo_logs += [log for _, log, _ in own[-1:]]  # Flights of a log share it.
-        of_servo = [note for _, _, note in own if note]
-        noted = dict.fromkeys([*notes, *track.notes, *of_servo])
+        tables += [table for table, _ in own]
+        servo_logs += [log for _, log in own[-1:]]  # Flights of a log share it.
+        noted = dict.fromkeys([*notes, *track.notes])
         cuts.append(_CutRecording(track.path, tuple(pieces), tuple(noted)))
     for table in tables:
         time = table.groups[0].columns["time"]
@@ -268,55 +285,32 @@ def cut_recordings(
     campaign = dataclasses.replace(settings, servo=servo, notes=shown)
     if tables:
         names = [f"flight_{k:03d}.csv" for k in range(len(tables))]
-        campaign = with_flights(campaign, tables, names)
+        campaign = with_flights(campaign, tables, () if are_flights else names)
         if servo.command == "converted":
             campaign = align_commands(campaign)
     return ImportResult(campaign=campaign, recordings=tuple(cuts))
 
 
-def map_flight(
-    recording: Recording, mapping: Mapping, settings: Campaign
-) -> tuple[Recording, ServoLog]:
-    """Converts a recording that is one flight to a campaign's columns; cuts nothing."""
-    parts = split_flights(recording, mapping.columns)
-    if len(parts) > 1:
-        raise InputError(
-            f"{recording.path}: holds {len(parts)} flights (by its column 'flight', or "
-            "its time); expected one in each file (glider import splits them)."
-        )
-    track = make_track(recording, mapping)
-    [shifted], _ = join_clocks([track], [[track]], mapping)
-    table, log, _ = _make_table(shifted, track, mapping, settings)
-    return table, log
-
-
 def _make_table(
     track: Track, piece: Track, mapping: Mapping, settings: Campaign
-) -> tuple[Recording, ServoLog, str]:
-    """A flight of a recording in a campaign's columns; its servo's log, and a note."""
+) -> tuple[Recording, ServoLog]:
+    """A flight of a recording in a campaign's columns, and its servo's log."""
     flight = turn_along(dataclasses.replace(piece, servo=track.servo))
     pitch, sideways = angles_of(flight)
     x, y, z = flight.position.T
-    columns = {"time": flight.time, "x": x, "z": z, "pitch": _wrap(pitch)}
+    columns = {"time": flight.time, "x": x, "z": z, "pitch": within_pi(pitch)}
     if sideways is not None:
-        roll, yaw = _wrap(sideways.T)
+        roll, yaw = within_pi(sideways.T)
         columns |= {"y": y, "roll": roll, "yaw": yaw}
     log = settings.servo
-    note = ""
     servo = make_servo(flight, settings, mapping.source)
     if servo is not None:
         columns["elevator"] = servo.elevator
         columns["elevator_rate_command"] = servo.command
         if log == ServoLog():  # Otherwise it is specified.
             log = widen(servo.log, track)
-        note = servo.note and f"servo: {servo.note}"
     group = Group("", {name: Column(values) for name, values in columns.items()})
-    return Recording(track.path, (group,)), log, note
-
-
-def _wrap(angle: np.ndarray) -> np.ndarray:
-    """Angles (n,) within ±π: a campaign's are below one turn [rad]."""
-    return np.angle(np.exp(1j * angle))
+    return Recording(track.path, (group,)), log
 
 
 def _count(things: Sequence, what: str = "flight") -> str:
@@ -334,13 +328,13 @@ def read_logs(
     if not mapping.join:
         in_turn = announced(sorted(set(files)), "reading", progress)
         return [r for f in in_turn for r in read_recordings(f)]
-    parts: dict[str, dict[str, Path]] = {}
-    for file, pattern in itertools.product(sorted(files), mapping.join):
+    takes: dict[str, dict[str, Path]] = {}
+    for pattern, file in itertools.product(mapping.join, sorted(files)):
         if fnmatch.fnmatch(file.name, pattern):
             before, _, after = pattern.partition("*")
             key = file.name.removeprefix(before).removesuffix(after)
-            parts.setdefault(key, {})[pattern] = file
-    whole = {key: own for key, own in parts.items() if len(own) == len(mapping.join)}
+            takes.setdefault(key, {})[pattern] = file
+    whole = {key: own for key, own in takes.items() if len(own) == len(mapping.join)}
     alone = set(files).difference(*(own.values() for own in whole.values()))
     for file in sorted(alone):
         raise InputError(
@@ -348,13 +342,13 @@ def read_logs(
             f"file for each of {', '.join(mapping.join)} with the same text for *."
         )
     keys = announced(sorted(whole), "reading", progress)
-    return [_join(whole[key], mapping.join) for key in keys]
+    return [_join(whole[key]) for key in keys]
 
 
-def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
+def _join(files: dict[str, Path]) -> Recording:
     """One recording of several files; times of a calendar are from the earliest on."""
-    parts = {pattern: read_recording(files[pattern]) for pattern in patterns}
-    groups = [(pattern, own) for pattern in patterns for own in parts[pattern].groups]
+    parts = {pattern: read_recording(file) for pattern, file in files.items()}
+    groups = [(pattern, own) for pattern, part in parts.items() for own in part.groups]
     logged = [column for _, group in groups for column in group.columns.values()]
     start = min((c.epoch for c in logged if c.epoch is not None), default=0.0)
     joined = []
@@ -365,6 +359,6 @@ def _join(files: dict[str, Path], patterns: Sequence[str]) -> Recording:
             since = 0.0 if column.epoch is None else column.epoch - start
             columns[own] = dataclasses.replace(column, values=column.values + since)
         joined.append(Group(name, columns, group.time, clock=pattern))
-    rotation = next((p.rotation for p in parts.values() if p.rotation), None)
-    up = next((p.up for p in parts.values() if p.up), "")
-    return Recording(files[patterns[0]], tuple(joined), rotation, up=up)
+    posed = max(parts.values(), key=lambda part: (bool(part.rotation), part.up))
+    path = next(iter(files.values()))
+    return Recording(path, tuple(joined), posed.rotation, up=posed.up)

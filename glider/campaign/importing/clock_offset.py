@@ -33,7 +33,6 @@ practice campaigns' elevators at the right offset."""
 _ONLY = 2.0
 """Least ratio of the variance that is unexplained more than `_NEAR` away to that at the
 best offset."""
-_ONLY_COMMON = 1.5  # The same of an offset of all recordings: chance fits few.
 _NEAR = 0.25  # [s]
 _ITERATIONS = 20  # Of Gauss-Newton in all offsets.
 _COARSE = 0.015  # Standard error of one flight alone, where none is known [s].
@@ -62,11 +61,11 @@ class _Offset(NamedTuple):
         since = time - self.seconds - self.middle
         return self.middle + since / (1.0 + self.rate)
 
-    def is_sure(self, only: float = _ONLY) -> bool:
+    def is_sure(self) -> bool:
         """Whether the signals follow one another, and only at this offset."""
         left = 1.0 - self.correlation**2
         left_elsewhere = 1.0 - self.elsewhere**2
-        return self.correlation >= _FOLLOWS and left_elsewhere >= only * left
+        return self.correlation >= _FOLLOWS and left_elsewhere >= _ONLY * left
 
 
 def join_clocks(
@@ -170,7 +169,6 @@ class _Turning(NamedTuple):
     """The pitch's acceleration in flights of a recording, and what explains it."""
 
     elevator: Stream
-    span: tuple[float, float]  #: Of the recording [s].
     time: np.ndarray  #: (k,) [s]
     square: np.ndarray  #: (k,) speed² [m²/s²]
     alpha: np.ndarray  #: (k,) angle of attack [rad]
@@ -197,7 +195,6 @@ def _turning_of(track: Track, flights: Sequence[Track]) -> _Turning:
     lift = [np.ones(len(speed)), speed**2 * np.sin(alpha), speed**2 * np.cos(alpha)]
     return _Turning(
         elevator=elevator,
-        span=track.span,
         time=motion.time,
         square=speed**2,
         alpha=alpha,
@@ -219,7 +216,7 @@ def _find_offsets(recordings: Sequence[_Flown]) -> list[_Offset]:
     common = _search(turnings)
     found = [common] * count
     design = np.ones((count, 1))
-    is_one = count > 1 and common.is_sure(_ONLY_COMMON)
+    is_one = count > 1 and common.is_sure()
     if not is_one:
         # A short flight alone is followed well at several offsets, by another effect
         # each: the effect is common to all.
@@ -227,7 +224,8 @@ def _find_offsets(recordings: Sequence[_Flown]) -> list[_Offset]:
         effect = None
         for _ in range(_ROUNDS if count > 1 else 1):
             found = [_search([turning], effect) for turning in turnings]
-            effect = _pool(turnings, np.array([offset.seconds for offset in found]))
+            stacked = _stack(turnings, np.array([own.seconds for own in found]))
+            effect = np.linalg.lstsq(*stacked, rcond=None)[0]
     start = np.linalg.lstsq(design, [own.seconds for own in found], rcond=None)[0]
     parameters, covariance = _refine(turnings, start, design)
     variances = np.diagonal(design @ covariance @ design.T)
@@ -277,8 +275,8 @@ def _find_rate(track: Track, flights: Sequence[Track], common: _Offset) -> _Offs
 
 def _search(turnings: Sequence[_Turning], effect: np.ndarray | None = None) -> _Offset:
     """The best offset at which all recordings overlap with the logs of their servos."""
-    first = max(t.elevator.time[0] - t.span[1] for t in turnings)
-    last = min(t.elevator.time[-1] - t.span[0] for t in turnings)
+    first = max(t.elevator.time[0] - t.time[-1] for t in turnings)
+    last = min(t.elevator.time[-1] - t.time[0] for t in turnings)
     offsets = np.arange(first, last + _STEP, _STEP)
     if not len(offsets):
         return _Offset()
@@ -313,12 +311,6 @@ def _correlate(
         rest = alone - (gain if effect is None else effect[-1]) * column
         found.append(math.sqrt(max(0.0, 1.0 - rest @ rest / power)))
     return np.array(found)
-
-
-def _pool(turnings: Sequence[_Turning], offsets: np.ndarray) -> np.ndarray:
-    """Effects (5,) of base and elevator in all recordings, each at its offset."""
-    design, target = _stack(turnings, offsets)
-    return np.linalg.lstsq(design, target, rcond=None)[0]
 
 
 def _stack(

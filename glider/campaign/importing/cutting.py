@@ -7,7 +7,6 @@ and for the first jump of the velocity. A throw in which the body is not seen fo
 moment is one flight: in a gap too short for another throw it has gained no energy.
 """
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -89,7 +88,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
             begin, end = part.span
             notes.append(f"{begin:.3f}-{end:.3f} s: {found}")
     if not parts and not notes:
-        reach = np.max(np.ptp(track.position, axis=0))
+        reach = np.max(np.ptp(seen.position, axis=0))
         notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
     dropped = {"that repeat the pose before": frozen | again, FILLED: filled}
     for why, rows in dropped.items():
@@ -126,8 +125,9 @@ def _find_parts(track: Track, drive: _Drive) -> list[tuple[int, int]]:
     for block in np.split(np.arange(len(time)), breaks):
         if len(block) >= _MIN_ROWS:
             for first, last in stretches(moves[block]):
-                parts.append((int(block[first]), int(block[last])))
-    return [part for part in parts if np.ptp(time[[*part]]) > 0.5 * _SHORTEST]
+                if np.ptp(time[block[[first, last]]]) > 0.5 * _SHORTEST:
+                    parts.append((int(block[first]), int(block[last])))
+    return parts
 
 
 def _flies_on(begin: float, end: float, drive: _Drive) -> bool:
@@ -160,22 +160,16 @@ def _find_flight(
     if np.max(own.speed) < _FASTEST:
         return f"never faster than {np.max(own.speed):.2g} m/s: carried, or rolling"
     begin = part.time[0]
-    start = "the body is seen from here on"
     release = _find_release(own)
     if release is not None:
         begin = release + _AFTER_RELEASE
-        start = f"a hand lets go at {release:.3f} s"
     free = take(part, part.time >= begin)
     if len(free.time) < _MIN_ROWS:
         return "the hand never lets go"
     end = free.time[-1] - margin
-    stop = "the body is seen, and moves, until here"
     contact = _find_contact(free)
     if contact is not None:
         end = min(contact - _BEFORE_CONTACT, end)
-        stop = f"it touches something at {contact:.3f} s"
-    elif margin:
-        stop = f"the body is lost, or stands, at {free.time[-1]:.3f} s"
     flight = take(free, free.time <= end + 1e-9)
     if len(flight.time) < _MIN_ROWS or np.ptp(flight.time) < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
@@ -189,7 +183,7 @@ def _find_flight(
             f"it loses {max(lost, 0.0):.2g} J/kg in {way:.3g} m, less than any glider: "
             "a motor drives it, or it rises with the air; expected gliding flight"
         )
-    return dataclasses.replace(flight, why=f"{start}; {stop}")
+    return flight
 
 
 def _find_release(drive: _Drive) -> float | None:

@@ -14,7 +14,6 @@ independent ones (benchmarks/bench_guess.py measures how often a certain frame i
 wrong).
 """
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -26,7 +25,7 @@ from scipy.special import softmax
 from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.track import make_track, planar_rotation, turn_along
+from glider.campaign.importing.track import make_track, turn_along
 from glider.campaign.settings import AXES, Mapping, unit_vector
 from glider.physics.parameters import GliderParameters
 
@@ -87,28 +86,22 @@ def rank_frames(
         worlds = [{"up": up, "forward": forward} for up in ("z", "-z")]
     is_known = not tracks[0].spatial or "top" in readings[0][0]
     bodies = [b for b in itertools.product(AXES, AXES) if b[0][-1] != b[1][-1]]
-    frames = []
-    scores = []
-    for world in worlds:
+    found: dict[tuple, tuple[_Fields, float]] = {}
+    for world, (reading, prior) in itertools.product(worlds, readings):
         up = world["up"]
         habit = _UP[up]
         if usual:
             habit = _USUAL if up == usual else (1.0 - _USUAL) * habit / (1 - _UP[usual])
-        known = set()
-        for reading, prior in readings:
-            flights = fly_all(logs, claim(world | reading))
-            for nose, top in [_KNOWN_BODY] if is_known else bodies:
-                score = judge(flights, up, nose, top) if flights else -math.inf
-                result = (nose, top, round(score, _DIGITS))
-                if not flights or result in known:
-                    continue
-                known.add(result)
+        flights = fly_all(logs, claim(world | reading))
+        for nose, top in [_KNOWN_BODY] if is_known else bodies:
+            if flights:
+                score = judge(flights, up, nose, top)
                 body = {} if is_known else {"nose": nose, "top": top}
-                frames.append(world | reading | body)
-                scores.append(score + math.log(prior * habit))
-    shares = softmax(scores) if scores else []
-    order = np.argsort(np.negative(shares), kind="stable")
-    return [(frames[k], float(shares[k])) for k in order]
+                frame = world | reading | body, score + math.log(prior * habit)
+                found.setdefault((up, nose, top, round(score, _DIGITS)), frame)
+    ranked = sorted(found.values(), key=lambda frame: -frame[1])
+    shares = softmax([score for _, score in ranked]) if ranked else []
+    return [(own, float(p)) for (own, _), p in zip(ranked, shares, strict=True)]
 
 
 def fly_all(logs: Sequence[Recording], mapping: Mapping) -> list[_Flight]:
@@ -116,12 +109,7 @@ def fly_all(logs: Sequence[Recording], mapping: Mapping) -> list[_Flight]:
     flights = []
     for log in logs:
         track = make_track(log, mapping)
-        seen = track
-        if track.spatial:
-            # The nose is unknown: contacts are found by y, not by the pitch.
-            level = planar_rotation(track.position[:, 1])
-            seen = dataclasses.replace(track, rotation=level, spatial=False)
-        pieces, _ = cut(seen, _GRAVITY)
+        pieces, _ = cut(track, _GRAVITY)
         for piece in pieces:
             flown = piece if track.spatial else turn_along(piece)
             stride = max(1, round(_STEP / float(np.median(np.diff(flown.time)))))

@@ -7,6 +7,7 @@ question mark, the next best frame and what distinguishes both.
 
 import contextlib
 import json
+import math
 import os
 import re
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from glider.campaign.checks.forces import check_fall, fit_elevator, measure_motions
+from glider.campaign.checks.forces import fit_elevator, measure_motions
 from glider.campaign.checks.frame import SIGNIFICANT, check_signs
 from glider.campaign.checks.servo import follow_sign, measure_elevators
 from glider.campaign.importing.campaign_import import (
@@ -65,7 +66,6 @@ _EULER = "roll", "pitch", "yaw"
 _SCALARS = (_RATE, _ANGLE, "x", "z", "y", *_EULER, "elevator")
 _INSTEAD = dict.fromkeys("xyz", "position") | dict.fromkeys(_EULER, "attitude")
 _INSTEAD |= {_ANGLE: _RATE}  # Quantity that makes another needless.
-_IS_TIME = re.compile(r"stamp|(^|\W)(time|sec|nsec|seq)($|\W)").search
 _SAYS_NOTHING = re.compile(r"\.(position|data|value|angle|output)(\[0\])?$").search
 _LARGEST: dict[tuple[str, ...], tuple[tuple[float, str], ...]] = {
     ("position", "x"): ((1000.0, "mm"), (100.0, "cm")),
@@ -76,6 +76,7 @@ _LARGEST: dict[tuple[str, ...], tuple[tuple[float, str], ...]] = {
 }
 """Of quantities with one unit what is most in SI, and the unit of what is more. Heights
 and y may have any origin."""
+_SLOW = 3.0  # Ratio of commands to angles below which they are angles [1/s].
 _PULSES = (500.0, 2500.0)  # Widths that servos take, and angles are not [us].
 _PULSE_SCALE = "{gain: 0.00157, zero: 1500}"  # Of most: a quarter turn in 1000 us.
 _FOUR = {"xyzw": 0.5, "wxyz": 0.5}
@@ -118,12 +119,11 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         ranked = ranked or [(readings[0][0], 0.0)]
     frame, probability = ranked[0]
     campaign = _make_campaign(recordings, claim(frame))
-    whys = dict.fromkeys(frame, "")
+    why = ""
     vehicle = "fixed_per_flight  # no elevator found; 'fixed' if all had one trim"
     if campaign.elevator == "servo":
         signs, why = _guess_elevator(campaign)
         frame = frame | signs
-        whys |= dict.fromkeys(signs, "") | {"elevator": why}
         campaign = _make_campaign(recordings, claim(frame))
         # Commanded angles cannot be used without the limit.
         limit = "if you know it:" if "elevator" in columns else "? missing:"
@@ -144,8 +144,9 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     lines += [f"  {kind}: {unit}  # {why}" for kind, (unit, why) in reasons.items()]
     lines.append(f"frame:  # {'by the format' if is_px4 else _explain(ranked)}")
     lines += [f"  # ? {words}" for words in doubts]
-    for name, why in whys.items():
-        lines.append(f"  {name}: {quoted(frame[name])}" + (f"  # {why}" if why else ""))
+    for name, value in frame.items():
+        reason = f"  # {why}" if name == "elevator" else ""
+        lines.append(f"  {name}: {quoted(value)}{reason}")
     lines.append("vehicle:  # what you know: mass, wing_area, ... in kg, m, s")
     lines.append(f"  elevator: {vehicle}")
     text = "".join(f"{printable(line)}\n" for line in lines)
@@ -162,20 +163,16 @@ def _make_mapping(**fields: Any) -> Mapping:
 def _find_doubts(campaign: Campaign, by_range: bool) -> list[str]:
     """What the flights of a guess contradict, or do not confirm of units by range."""
     try:
-        check_signs(campaign)
-        if by_range:
-            motions = measure_motions(campaign.flights, {})
-            return [*check_fall(campaign, motions, says_unknown=True)]
+        shown = check_signs(campaign)
     except InputError as error:
         return [f"an import refuses it: {str(error).removeprefix('guess: ')}"]
-    return []
+    return [words for words in shown if by_range and "gravity" in words]
 
 
 def guess_columns(files: Sequence[Path]) -> _Columns:
     """The columns that names tell, by quantity, also where they make no flights."""
     recordings, _ = _read(sorted(map(Path, files)))
-    found = _find(recordings[0])
-    return {quantity: found[quantity] for quantity in QUANTITIES if quantity in found}
+    return _find(recordings[0])
 
 
 def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
@@ -189,12 +186,9 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
     if posed and len(posed) == len(others):
         pair = [posed[0].name, others[0].name]
         before = os.path.commonprefix(pair)  # noqa: RUF071 -- of names, not paths.
-        after = os.path.commonprefix([n[::-1] for n in pair])[::-1]  # noqa: RUF071
-        ends = [f"*{name.removeprefix(before)}" for name in pair]
-        beginnings = [f"{name.removesuffix(after)}*" for name in pair]
-        for join in (ends, beginnings):
-            with contextlib.suppress(InputError):  # Not all files have such names.
-                return read_logs(list(logs), _make_mapping(join=join), silent), join
+        join = [f"*{name.removeprefix(before)}" for name in pair]
+        with contextlib.suppress(InputError):  # Not all files have such names.
+            return read_logs(list(logs), _make_mapping(join=join), silent), join
     found = [recording for file in posed or logs for recording in logs[file]]
     return found[:_MAX_FILES], []
 
@@ -202,14 +196,13 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
 def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
     """What a mapping makes of recordings."""
     servo = any(name.startswith("elevator") for name in claim.columns)
-    fixed = Vehicle(elevator="fixed")
-    moving = Vehicle(elevator_rate_limit=_RATE_LIMIT)
-    settings = Settings(vehicle=moving if servo else fixed).campaign(Path("guess"))
+    kind = "servo" if servo else "fixed"
+    vehicle = Vehicle(elevator=kind, elevator_rate_limit=_RATE_LIMIT)
+    settings = Settings(vehicle=vehicle).campaign(Path("guess"))
     found = cut_recordings(recordings, claim, settings)
     if not found.campaign.flights:
-        notes = [note for cut in found.recordings for note in cut.notes]
-        reasons = "; ".join(notes) or "nothing moves"
-        raise InputError(f"{recordings[0].path}: no flight was found ({reasons}).")
+        path = recordings[0].path
+        raise InputError(f"{path}: no flight was found ({found.reasons}).")
     return found.campaign
 
 
@@ -227,8 +220,9 @@ def _priors(
         signs = [{"pitch": sign} for sign in ("nose_up", "nose_down")]
         known = tops if "yaw" in columns else [{}]
         return [(sign | top, 0.5) for sign in signs for top in known], usual
-    axes = next(a for a in _SHAPES["attitude"] if log.find_all(attitude, a, "attitude"))
-    if axes in ("012345678", "xyzw") or log.rotation is not None:
+    found = log.find_all(attitude, _SHAPES["attitude"])
+    axes = found[0] if found else ""
+    if axes in ("012345678", "xyzw") or log.rotation:
         return [({}, 1.0)], usual
     orders = _FOUR if axes == "0123" else _THREE
     return [({"rotation": order}, prior) for order, prior in orders.items()], usual
@@ -265,14 +259,10 @@ def _guess_elevator(campaign: Campaign) -> tuple[_Fields, str]:
 
 def quoted(value: str | list[str]) -> str:
     """A name, or a list of several, as YAML has it."""
-    if isinstance(value, list) and len(value) == 1:
-        value = value[0]
-    if isinstance(value, list):
-        return f"[{', '.join(map(quoted, value))}]"
-    is_plain = re.fullmatch(r"[A-Za-z/][\w./]*", value)
-    if is_plain and value not in ("y", "n"):  # Those are booleans to some readers.
-        return value
-    return json.dumps(value, ensure_ascii=False)  # JSON's strings are YAML's, too.
+    text = yaml.safe_dump(
+        value, default_flow_style=True, width=math.inf, allow_unicode=True
+    )
+    return text.splitlines()[0]
 
 
 def _words(name: str) -> str:
@@ -303,7 +293,7 @@ def _guess_columns(log: Recording) -> _Columns:
             f"their names in {listed}; write the mapping by hand (markers give an "
             "attitude as {nose: ..., tail: ...})."
         )
-    return {q: columns[q] for q in QUANTITIES if q in columns}
+    return columns
 
 
 def _has_pose(columns: _Columns) -> bool:
@@ -315,14 +305,16 @@ def _find(log: Recording) -> _Columns:
     """Columns by quantity, those that are recognized."""
     if {"position", "attitude"} <= log.known.keys():
         return dict(log.known)
-    names = [name for name in _addresses(log) if not _IS_TIME(name)]
+    names = _addresses(log)
     columns = _find_vectors(log, names)
+    for quantity, stem in columns.items():
+        _, used = log.find_all(stem, _SHAPES[quantity]) or ("", [])
+        names = [name for name in names if name not in used]
     for quantity in _SCALARS:
-        if _INSTEAD.get(quantity) in columns:
-            continue
-        found = _find_scalar(quantity, names, columns)
-        if found is not None:
+        found = _find_scalar(quantity, names)
+        if found is not None and _INSTEAD.get(quantity) not in columns:
             columns[quantity] = found
+            names.remove(found)
     if not set(_EULER) <= columns.keys():  # Only all three are a rotation.
         columns.pop("roll", None)
         columns.pop("yaw", None)
@@ -338,28 +330,25 @@ def _find(log: Recording) -> _Columns:
         times += own[:1]
     if times:
         columns["time"] = list(dict.fromkeys(times))
-    return columns
+    return {
+        quantity: columns[quantity] for quantity in QUANTITIES if quantity in columns
+    }
 
 
 def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
     """Common beginnings of the names of an attitude's and a position's columns."""
-    stems: dict[str, None] = {}
-    for name in names:
-        bare, _ = split_suffix(name)
-        first = re.fullmatch(r"(.+?)(\[?0\]?|[._ ]?[xX])", bare)
-        if first:
-            stems[first[1]] = None
+    bare = (split_suffix(name)[0] for name in names)
+    firsts = (re.fullmatch(r"(.+?)(\[?0\]?|[._ ]?[xX])", name) for name in bare)
+    stems = dict.fromkeys(first[1] for first in firsts if first)
     columns: _Columns = {}
     for quantity, shapes in _SHAPES.items():
         is_named = re.compile(_NAMES[quantity], re.IGNORECASE).search
-        fits = []
-        for stem in filter(is_named, stems):
-            if stem in columns.values():  # As qx, qy, qz of pose.x, ..., pose.qx.
-                continue
-            if any(log.find_all(stem, axes, quantity) for axes in shapes):
-                fits.append(stem)
-        # A reader's own names: a header may name the same numbers in another order.
-        fits = [f for f in fits if f.endswith((".Position", ".Rotation"))] or fits
+        fits = [
+            stem
+            for stem in filter(is_named, stems)
+            # As qx, qy, qz of pose.x, ..., pose.qx.
+            if stem not in columns.values() and log.find_all(stem, shapes)
+        ]
         owner = columns.get("attitude", "").rpartition(".")[0]
         own = [stem for stem in fits if owner and f"{stem}.".startswith(f"{owner}.")]
         if fits:
@@ -367,16 +356,10 @@ def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
     return columns
 
 
-def _find_scalar(quantity: str, names: Sequence[str], columns: _Columns) -> str | None:
-    """The first column whose name fits a quantity, and that is none of another."""
-    vectors = [re.escape(columns[q]) for q in _SHAPES if q in columns]
-    used = "|".join(vectors) or "$"
-    is_used = re.compile(rf"({used})[._ \[]?[xyzw\d]\]?", re.IGNORECASE).fullmatch
+def _find_scalar(quantity: str, names: Sequence[str]) -> str | None:
+    """The first of some columns whose name fits a quantity."""
     is_angle = quantity in ("elevator", *_EULER)
     for name in names:
-        bare, _ = split_suffix(name)
-        if is_used(bare) or name in columns.values():
-            continue
         words = _words(name)
         if is_angle and re.search(_NOT_AN_ANGLE, words):
             continue
@@ -391,30 +374,23 @@ def _is_angle(log: Recording, columns: _Columns) -> bool:
     command, unit = _values(log, name)
     if unit or _are_pulses(command):
         return unit in (None, "deg", "rad")
-    angle, _ = _values(log, columns.get("elevator") or name)
-    if re.search(_IS_RATE, _words(name)) or len(angle) != len(command):
+    if "elevator" not in columns or re.search(_IS_RATE, _words(name)):
         return False
-    logged = np.stack([command, np.gradient(angle), angle])
-    shown = logged[:, np.isfinite(logged).all(axis=0)]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        _, to_rate, to_angle = np.abs(np.corrcoef(shown)[0])
-    return "elevator" in columns and bool(to_angle > to_rate)
+    angle, _ = _values(log, columns["elevator"])
+    # A servo passes its whole travel in a fraction of a second.
+    return bool(np.nanstd(command) < _SLOW * np.nanstd(angle))
 
 
 def _travel(log: Recording, stem: str) -> float:
     """Way of a vector: the glider moves most, not the wand on the floor."""
-    steps = np.abs(np.diff(_values(log, stem)[0]))
-    return float(np.nansum(steps)) if np.isfinite(steps).any() else -1.0
+    return float(np.nansum(np.abs(np.diff(_values(log, stem)[0]))))
 
 
 def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
     """Values of a vector (k, n) or a scalar (n,), and their unit."""
-    for axes in ("xyz", "012"):
-        found = log.find_all(name, axes, name)
-        if found:
-            return np.stack([c.values for c in found[1]]), found[1][0].unit
-    _, column = log.find(name, name)
-    return column.values, column.unit
+    _, names = log.find_all(name, ("xyz", "012")) or ("", [name])
+    _, columns = log.find_each(names, name)
+    return np.squeeze([column.values for column in columns]), columns[0].unit
 
 
 def _guess_units(
@@ -428,7 +404,6 @@ def _guess_units(
         fits = [u for u, size in UNITS["time"].items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
             units["time"] = fits[0], f"its median step is {step:.4g}"
-    others = set()  # Kinds of which a quantity has not the unit of SI.
     found: dict[str, tuple[str, str]] = {}
     for quantities, largest in _LARGEST.items():
         own = [quantity for quantity in quantities if quantity in columns]
@@ -436,26 +411,25 @@ def _guess_units(
         if not read:
             continue
         unit = read[0][1]
-        kind = QUANTITIES[own[0]]
+        why = ""
         if unit is None:
             values = np.concatenate([np.abs(values).ravel() for values, _ in read])
-            reach = float(np.max(values, initial=0.0, where=np.isfinite(values)))
+            reach = np.nanmax(np.append(values, 0.0))
+            larger = (name for most, name in largest if reach > most)
+            unit = next(larger, next(iter(UNITS[QUANTITIES[own[0]]])))
             why = f"'{own[0]}' reaches {reach:.4g}"
             if own[0] in ("elevator", _ANGLE) and _are_pulses(values):
+                unit = _PULSE_SCALE
                 why = f"? {why}: microseconds, and gain is the angle of one in rad"
-                units[own[0]] = _PULSE_SCALE, why
-                continue
-            larger = (name for most, name in largest if reach > most)
-            unit = next(larger, next(iter(UNITS[kind])))
-            found |= dict.fromkeys(own, (unit, why))
-        if UNITS[kind][unit] != 1.0:
-            others.add(kind)
-    for quantity, (unit, why) in found.items():
-        kind = QUANTITIES[quantity]
-        if UNITS[kind][unit] != 1.0:
-            units["length" if kind == "length" else quantity] = unit, why
-        elif kind in others:
-            units[quantity] = unit, f"? {why}"
+        found |= dict.fromkeys(own, (unit, why))
+    # Those that are not of SI are stated, and what they may be confused with.
+    is_si = {name: UNITS[QUANTITIES[name]].get(found[name][0]) == 1.0 for name in found}
+    kinds = {QUANTITIES[name] for name in found if not is_si[name]}
+    for name, (unit, why) in found.items():
+        kind = QUANTITIES[name]
+        if why and kind in kinds:
+            what = "length" if kind == "length" else name
+            units[what] = unit, f"? {why}" if is_si[name] else why
     return units
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from glider.errors import InputError, expect, show
 
+_INDEXED = ("{name}[{axis}]", "{name}{axis}")
 _VECTORS = ("{name}.{axis}", "{name}_{axis}", "{name} {axis}", "{name}{axis}")
 
 _MOST = 1000  # Names that are compared with one that is not there.
@@ -72,6 +73,11 @@ class Group:
     clock: str = ""  #: Groups of one clock have the same name here.
     lines: Sequence[int] | None = None  #: Of rows in a text; None: counted from 0.
 
+    @property
+    def rows(self) -> int:
+        """Number of rows, of the longest column."""
+        return max((len(column.values) for column in self.columns.values()), default=0)
+
 
 Vector = tuple[Group, list[Column]]  # Columns side by side, and their group.
 
@@ -82,7 +88,7 @@ class Recording:
 
     path: Path  #: Of the file; of a part of it: file/part.
     groups: tuple[Group, ...]
-    rotation: str | None = None  #: As in `frame: rotation:`; None: the format is open.
+    rotation: str = ""  #: As in `frame: rotation:`; "": the format is open.
     known: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Addresses of the quantities whose columns the format itself fixes."""
     up: str = ""  #: Axis that points up in most files of the format; "": none does.
@@ -114,21 +120,24 @@ class Recording:
                 reason = f"'{name}' is not read: {why}"
         raise InputError(f"{self.path}: {field}: {reason}.")
 
-    def find_all(self, address: str, axes: str, field: str) -> Vector | None:
-        """Finds the columns of a vector by their common name; None where it is none.
+    def find_all(
+        self, address: str, shapes: Sequence[str]
+    ) -> tuple[str, list[str]] | None:
+        """Finds the axes and columns of a vector by their common name, if it has.
 
-        Their axes are letters in the order wanted, or digits for name[0], name[1].
+        A shape has the letters of its axes in the order wanted, or digits for name[0],
+        name[1]; the first that is there counts.
         """
         known: dict[str, str] = {}
         for full, group, _ in self._all():
             for name in (full.removeprefix(f"{group.name}."), full):
                 known |= {split_suffix(name)[0]: full, name: full}
-        spellings = ("{name}[{axis}]", "{name}{axis}")
-        for spelling in spellings if axes[0].isdigit() else _VECTORS:
-            for letters in (axes, axes.upper()):
-                names = [spelling.format(name=address, axis=a) for a in letters]
-                if known.keys() >= set(names):
-                    return self.find_each([known[name] for name in names], field)
+        for axes in shapes:
+            for spelling in _INDEXED if axes[0].isdigit() else _VECTORS:
+                for letters in (axes, axes.upper()):
+                    names = [spelling.format(name=address, axis=a) for a in letters]
+                    if known.keys() >= set(names):
+                        return axes, [known[name] for name in names]
         return None
 
     def find_each(self, names: Sequence[str], field: str) -> Vector:
@@ -141,7 +150,7 @@ class Recording:
             )
         return groups[0], list(columns)
 
-    def find_times(self, group: Group, named: Any, rows: int) -> Column | None:
+    def find_times(self, group: Group, named: Any) -> Column | None:
         """Finds the times of a group's rows, of which there are as many."""
         names = [named] if isinstance(named, str) else named
         for name in (*names, group.time or ""):  # A damaged log may lack it.
@@ -149,7 +158,7 @@ class Recording:
             if column is not None:
                 return column
         for address, other, column in self._all():  # Of the same clock.
-            fits = other.clock == group.clock and len(column.values) == rows
+            fits = other.clock == group.clock and len(column.values) == group.rows
             if fits and {address, address.removeprefix(f"{other.name}.")} & set(names):
                 return column
         return None

@@ -31,7 +31,6 @@ _TRIED = slice(-0.02, 0.1, 0.005), slice(0.003, 0.1, 0.02)  # Delays and lags [s
 _ALIGNED = 2.0  # Standard errors by which a flight's commands are shifted at most.
 _SAME = 0.01  # Part of a log's step within which rows of two logs are the same.
 _FEW = 0.05  # Share of commands whose logged times may be off.
-_HIDDEN = "so a lag or a delay of the servo cannot be found"
 _Tape = tuple[np.ndarray, np.ndarray]  # When commands begin [s], and which [rad/s].
 
 
@@ -40,8 +39,7 @@ class _Servo(NamedTuple):
 
     elevator: np.ndarray  #: (n,) [rad]
     command: np.ndarray  #: (n,) [rad/s], held until the next row.
-    note: str  #: How they were made, where they were not logged so.
-    log: ServoLog = ServoLog()  #: The same for the tracer.
+    log: ServoLog = ServoLog()  #: How they were made, where they were not logged so.
 
 
 def make_servo(flight: Track, settings: Campaign, source: str) -> _Servo | None:
@@ -73,14 +71,13 @@ def make_servo(flight: Track, settings: Campaign, source: str) -> _Servo | None:
     if rates is not None:
         rate, tape = _from_rates(flight.time, rates, settings.command_rate, source)
         if tape is None:
-            return _Servo(measured, rate, "")
+            return _Servo(measured, rate)
         measured = _between_rows(flight.time, elevator, tape)
         std = rates.step / math.sqrt(12.0)
         log = ServoLog(command="converted", command_std=std)
-        return _Servo(measured, rate, "", log)
-    note = f"no command is mapped: the elevator's own rate is used for it, {_HIDDEN}"
+        return _Servo(measured, rate, log)
     rate = _row_rates(flight.time, savgol_filter(measured, 5, 2))
-    return _Servo(measured, rate, note, ServoLog(command="reconstructed"))
+    return _Servo(measured, rate, ServoLog(command="reconstructed"))
 
 
 def widen(log: ServoLog, track: Track) -> ServoLog:
@@ -131,13 +128,11 @@ def _from_angles(
         angle[k + 1] = angle[k] + np.clip(angle[k + 1] - angle[k], -reach, reach)
     rate = _row_rates(time, angle)
     std = step / math.sqrt(12.0)
-    note = f"the commanded angle became rates of at most {limit:.3g} rad/s"
     if measured is not None:
         log = ServoLog(command="converted", command_std=std)
-        return _Servo(measured, rate, note, log)
-    note += f"; the angle is that of an ideal servo, as it was not measured, {_HIDDEN}"
+        return _Servo(measured, rate, log)
     log = ServoLog(angle="reconstructed", command="converted", clock_std=std)
-    return _Servo(angle, rate, note, log)
+    return _Servo(angle, rate, log)
 
 
 def _from_rates(

@@ -5,7 +5,6 @@ Its flights are known by a column `flight`, or by a time that starts again.
 
 import dataclasses
 import itertools
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -51,15 +50,16 @@ def split_flights(recording: Recording, columns: _Columns) -> list[Recording]:
     if _FLIGHT in columns:
         recording.find(columns[_FLIGHT], "columns: flight")
     spans = [_find_spans(recording, group, columns) for group in recording.groups]
-    longest = max(spans, key=len, default=[])
-    if len(longest) < 2 and not any(name for name, _ in longest):
+    longest = max(spans, key=len, default={})
+    if len(longest) < 2 and not any(longest):
         return [recording]
     parts = []
-    for k, (name, _) in enumerate(longest):
+    for k, name in enumerate(longest):
         groups = []
         for group, own in zip(recording.groups, spans, strict=True):
-            is_split = len(own) == len(longest)
-            groups.append(_take(group, own[k][1]) if is_split else group)
+            rows = [*own.values()]
+            is_split = len(rows) == len(longest)
+            groups.append(_take(group, rows[k]) if is_split else group)
         path = recording.path / name
         parts.append(dataclasses.replace(recording, path=path, groups=tuple(groups)))
     return parts
@@ -67,32 +67,32 @@ def split_flights(recording: Recording, columns: _Columns) -> list[Recording]:
 
 def _find_spans(
     recording: Recording, group: Group, columns: _Columns
-) -> list[tuple[str, slice]]:
-    """A name for each flight of a group, and its rows."""
-    rows = max((len(column.values) for column in group.columns.values()), default=0)
-    labels = _find_labels(recording, group, columns, rows)
-    starts = {0}
-    if labels:
-        starts.update(row for row in range(1, rows) if labels[row] != labels[row - 1])
-    time = recording.find_times(group, columns.get("time", "time"), rows)
+) -> dict[str, slice]:
+    """The rows of each flight of a group by its name; "" where it is one."""
+    labels = _find_labels(recording, group, columns)
+    starts = {0, *_find_changes(labels)}
+    time = recording.find_times(group, columns.get("time", "time"))
     if time is not None:
         starts.update(find_restarts(time.values))
-    bounds = [*sorted(starts), rows]
-    spans = [slice(start, end) for start, end in itertools.pairwise(bounds)]
-    named: list[tuple[str, slice]] = []
-    counts: Counter[str] = Counter()
-    for k, span in enumerate(spans, 1):
-        label = f"{_FLIGHT} {labels[span.start]}" if labels else f"part {k}"
-        if labels and not labels[span.start]:
+    if not labels and len(starts) == 1:
+        return {"": slice(0, group.rows)}
+    spans: dict[str, slice] = {}
+    bounds = itertools.pairwise([*sorted(starts), group.rows])
+    for k, (start, end) in enumerate(bounds, 1):
+        if labels and not labels[start]:
             continue
-        counts[label] += 1
-        again = f" ({counts[label]})" if counts[label] > 1 else ""
-        named.append((label + again, span))
-    return named if labels or len(spans) > 1 else [("", spans[0])]
+        label = f"{_FLIGHT} {labels[start]}" if labels else f"part {k}"
+        name = label
+        again = 1
+        while name in spans:
+            again += 1
+            name = f"{label} ({again})"
+        spans[name] = slice(start, end)
+    return spans
 
 
 def _find_labels(
-    recording: Recording, group: Group, columns: _Columns, rows: int
+    recording: Recording, group: Group, columns: _Columns
 ) -> Sequence[str]:
     """Flight of each row as text, by the column of flights; () where there is none."""
     name = columns.get(_FLIGHT, _FLIGHT)
@@ -102,16 +102,21 @@ def _find_labels(
     cells = column.labels
     if cells is None:
         cells = [f"{v:g}" if np.isfinite(v) else "" for v in column.values]
-    changes = [row for row in range(1, rows) if cells[row] != cells[row - 1]]
-    found = [cells[row] for row in (0, *changes) if rows and cells[row]]
-    is_short = rows < FEWEST_ROWS * len(found)
+    changes = _find_changes(cells)
+    found = [cells[row] for row in (0, *changes) if cells and cells[row]]
+    is_short = len(cells) < FEWEST_ROWS * len(found)
     if _FLIGHT in columns and is_short:
         raise InputError(
             f"{recording.path}: columns: flight: '{name}' has {len(set(found))} "
-            f"values but changes {len(changes)} times in {rows} rows; expected the "
-            f"rows of a flight together, {FEWEST_ROWS} or more of each."
+            f"values but changes {len(changes)} times in {len(cells)} rows; expected "
+            f"the rows of a flight together, {FEWEST_ROWS} or more of each."
         )
     return () if is_short else cells  # It may say something else.
+
+
+def _find_changes(labels: Sequence[str]) -> list[int]:
+    """Rows whose label is another than that of the row before."""
+    return [row for row in range(1, len(labels)) if labels[row] != labels[row - 1]]
 
 
 def _take(group: Group, rows: slice) -> Group:

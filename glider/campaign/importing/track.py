@@ -7,9 +7,9 @@ for a tracked point r ahead of and above the center of mass.
 """
 
 import dataclasses
-import itertools
+import functools
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ from glider.campaign.importing.recording import (
     scale_of,
     spell,
 )
-from glider.campaign.importing.splitting import FEWEST_ROWS, find_restarts
+from glider.campaign.importing.splitting import find_restarts
 from glider.campaign.settings import (
     QUANTITIES,
     Frame,
@@ -36,7 +36,6 @@ from glider.campaign.settings import (
 from glider.errors import InputError, expect
 
 _SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
-_ROUNDED = (0.01, 1e-3, 1e-4)  # Last digits of times that are rounded [s].
 _LONGEST = 0.05  # Step of a log above which commands are logged at changes only [s].
 _EULER = ("roll", "pitch", "yaw")  # About x, y and z.
 _POINT = ("xyz", "012")  # Axes of vectors: letters, or indices.
@@ -65,14 +64,6 @@ class Stream(NamedTuple):
         return self._replace(time=self.time[rows], values=self.values[rows])
 
 
-class _Attitude(NamedTuple):
-    """Rotations with their times."""
-
-    time: np.ndarray  #: (n,) increasing [s].
-    turns: Rotation  #: n of them.
-    spatial: bool = True  #: From body to log; else a pitch in the project's axes.
-
-
 class ServoLogs(NamedTuple):
     """What was logged of the elevator's servo."""
 
@@ -99,7 +90,6 @@ class Track:
     clock: str = ""
     servo: ServoLogs = ServoLogs()  #: Positive trailing edge up.
     notes: tuple[str, ...] = ()  #: On rows that were dropped.
-    why: str = ""  #: Of a flight: it begins and ends where it does.
     jitter: float = 0.0  #: Of the stamps about the even steps that were restored [s].
     clock_std: float = 0.0  #: Of the shift of the servo's logs onto this clock [s].
 
@@ -122,9 +112,9 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
     place = pick.position()
     planar = place.values.shape[1] == 2
     world = _world_axes(frame)
-    attitude = pick.attitude(world, planar)
+    attitude, spatial = pick.attitude(world, planar)
     rotation = _interpolate(attitude, place.time)
-    if attitude.spatial:
+    if spatial:
         rotation = world @ rotation @ frame.body.T
     ahead, above = frame.tracked_point
     position = _turn_points(place.values, world)
@@ -140,7 +130,7 @@ def make_track(recording: Recording, mapping: Mapping) -> Track:
         time=place.time[seen],
         position=position[seen],
         rotation=rotation[seen],
-        spatial=attitude.spatial,
+        spatial=spatial,
         along_throw=not planar and frame.forward in (None, "throw"),
         clock=place.clock,
         notes=tuple(f"{count} rows {why}" for why, count in counts.items() if count),
@@ -158,11 +148,6 @@ def take(track: Track, rows: np.ndarray | slice) -> Track:
     )
 
 
-def planar_rotation(pitch: np.ndarray) -> np.ndarray:
-    """Rotations (n, 3, 3) by pitches (n,) alone, positive nose down [rad]."""
-    return Rotation.from_euler("y", pitch[:, None]).as_matrix()
-
-
 def turn_along(track: Track) -> Track:
     """Turns x along the line that fits the ground track best, where it must be.
 
@@ -170,14 +155,12 @@ def turn_along(track: Track) -> Track:
     """
     if not track.along_throw:
         return track
-    ground = track.position[:, 0] + 1j * track.position[:, 1]
-    spread = np.sum((ground - np.mean(ground)) ** 2)
-    along = np.exp(0.5j * np.angle(spread))
+    ground = track.position[:, :2] - track.position[0, :2]
+    _, _, axes = np.linalg.svd(ground - np.mean(ground, axis=0), full_matrices=False)
     first = np.searchsorted(track.time, track.time[0] + SPAN, side="right") - 1
-    if np.real((ground[first] - ground[0]) / along) < 0.0:
-        along = -along
-    turn = Rotation.from_euler("z", -np.angle(along)).as_matrix()
-    start = np.append(track.position[0, :2], 0.0)
+    x, y = axes[0] if ground[first] @ axes[0] >= 0.0 else -axes[0]
+    turn = np.array([[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, 1.0]])
+    start = track.position[0] * [1.0, 1.0, 0.0]
     return dataclasses.replace(
         track,
         position=(track.position - start) @ turn.T,
@@ -202,10 +185,10 @@ def angles_of(track: Track) -> tuple[np.ndarray, np.ndarray | None]:
     is_other = (half_turns + (np.abs(roll[:1]) > 0.5 * np.pi)) % 2 == 1
     pitch = np.where(is_other, np.pi - pitch, pitch)
     sideways = np.column_stack([roll, yaw]) + np.pi * is_other[:, None]
-    return np.unwrap(_within_pi(pitch)), np.unwrap(_within_pi(sideways), axis=0)
+    return np.unwrap(within_pi(pitch)), np.unwrap(within_pi(sideways), axis=0)
 
 
-def _within_pi(angle: np.ndarray) -> np.ndarray:
+def within_pi(angle: np.ndarray) -> np.ndarray:
     """Angles within ±π [rad]."""
     return np.angle(np.exp(1j * angle))
 
@@ -231,27 +214,29 @@ class _Picker:
             return self._scalars("x", "y", "z")
         return self._scalars("x", "y" if "y" in self._columns else "z")
 
-    def attitude(self, world: np.ndarray, planar: bool) -> _Attitude:
-        """Rotations where they are logged, or the pitch."""
+    def attitude(self, world: np.ndarray, planar: bool) -> tuple[Stream, bool]:
+        """Rotations (n, 9) from body to log, row by row, and True.
+
+        Where only the pitch is known they are in our axes, and it is False.
+        """
         frame = self._mapping.frame
         name = self._columns.get("attitude")
         if isinstance(name, Markers):
             points = self._markers(name, planar)
-            if not planar or points.values.shape[1] == 9:
-                return _of_matrices(points)
+            if points.values.shape[1] == 9:
+                return points, True
             ahead = _turn_points(points.values, world)
             pitch = points._replace(values=-np.arctan2(ahead[:, [2]], ahead[:, [0]]))
         elif name is not None:
-            return self._rotations(name)
+            return self._rotations(name), True
         elif self._columns.keys() >= set(_EULER):
-            return self._angles(self._scalars(*_EULER), frame.rotation or "ZYX")
+            angles = self._scalars(*_EULER)
+            return self._by_angles(angles, frame.rotation or "ZYX"), True
         else:
             pitch = self._scalars("pitch")
             if (frame.pitch or frame.usual_pitch) == "nose_up":
                 pitch = pitch._replace(values=-pitch.values)
-        pitch = pitch.known()
-        turns = Rotation.from_euler("y", pitch.values)
-        return _Attitude(pitch.time, turns, spatial=False)
+        return _turn(pitch, functools.partial(Rotation.from_euler, "y")), False
 
     def servo(self) -> ServoLogs:
         """What is mapped of the servo, its rows with a number."""
@@ -284,21 +269,20 @@ class _Picker:
         found = self._recording.find_each(names, self._field(quantities[0]))
         return self._stream(quantities, found)
 
-    def _rotations(self, name: Names) -> _Attitude:
-        """Rotations of the columns of an attitude."""
+    def _rotations(self, name: Names) -> Stream:
+        """Rotations (n, 9) of the columns of an attitude."""
         axes, found = self._find("attitude", name, _TURN)
         stream = self._stream(("attitude",) * len(axes), found).known()
         rotation = self._mapping.frame.rotation
         if len(axes) == 9:
-            return _of_matrices(stream)
+            return stream
         if len(axes) == 3:
-            return self._angles(stream, rotation or self._recording.rotation or "")
+            return self._by_angles(stream, rotation or self._recording.rotation)
         if isinstance(name, list):  # In any order.
             letters = "".join(part[-1:].lower() for part in name)
             axes = letters if sorted(letters) == sorted("xyzw") else "0123"
-        is_named = axes != "0123"
-        own = rotation or (axes if is_named else self._recording.rotation or "")
-        known = (axes,) if is_named else ("wxyz", "xyzw")
+        known = ("wxyz", "xyzw") if axes == "0123" else (axes,)
+        own = rotation or (self._recording.rotation if axes == "0123" else axes)
         expected = f"{' or '.join(known)}, the order of the quaternion's four numbers"
         self._check_rotation(own in known, own, expected)
         values = stream.values[:, [own.index(letter) for letter in "xyzw"]]
@@ -309,22 +293,20 @@ class _Picker:
         if seen.any() and np.median(np.abs(norm - 1.0)) > 0.01:
             reason = f"a quaternion has a length of {np.median(norm):.3g}; expected 1"
             raise self._error("attitude", reason)
-        return _Attitude(stream.time[seen], Rotation.from_quat(values[seen]))
+        turns = Stream(stream.time[seen], values[seen], stream.clock)
+        return _turn(turns, Rotation.from_quat)
 
-    def _angles(self, stream: Stream, rotation: str) -> _Attitude:
-        """Rotations of three angles, in the order in which they are named."""
+    def _by_angles(self, stream: Stream, rotation: str) -> Stream:
+        """Rotations (n, 9) of three angles, in the order in which they are named."""
         known = rotation not in ("", "wxyz", "xyzw")
         expected = "XYZ or rotation_vector, ..., the meaning of its three angles"
         self._check_rotation(known, rotation, expected)
-        stream = stream.known()
-        angles = stream.values
         if rotation == "rotation_vector":
-            return _Attitude(stream.time, Rotation.from_rotvec(angles))
-        if self._mapping.frame.turns_pitch:
-            angles = angles * [1.0, -1.0, 1.0]
+            return _turn(stream, Rotation.from_rotvec)
+        signs = np.array([1.0, -1.0 if self._mapping.frame.turns_pitch else 1.0, 1.0])
         order = ["XYZ".index(letter) for letter in rotation.upper()]
-        turns = Rotation.from_euler(rotation, angles[:, order])
-        return _Attitude(stream.time, turns)
+        ordered = stream._replace(values=(signs * stream.values)[:, order])
+        return _turn(ordered, functools.partial(Rotation.from_euler, rotation))
 
     def _check_rotation(self, known: bool, found: str, expected: str) -> None:
         """Refuses a `frame: {rotation: ...}` that does not say how angles are read."""
@@ -343,7 +325,7 @@ class _Picker:
         nose, *others = points
         in_plane = nose.values.shape[1] == 2
         is_odd = in_plane and (not planar or len(points) > 2)
-        if is_odd or any(other.values.shape != nose.values.shape for other in others):
+        if is_odd or len({point.values.shape for point in points}) > 1:
             reason = "its markers differ in rows or axes, or are in a plane"
             expected = "the same of all, and in a plane a position, nose and tail"
             raise self._error("attitude", f"{reason}; expected {expected}")
@@ -377,10 +359,11 @@ class _Picker:
         elif isinstance(name, str):
             # A position may be that of a body or a marker.
             owners = (name, f"{name}.Position") if shapes == _PLANE else (name,)
-            for owner, axes in itertools.product(owners, shapes):
-                found = self._recording.find_all(owner, axes, field)
+            for owner in owners:
+                found = self._recording.find_all(owner, shapes)
                 if found is not None:
-                    return axes, found
+                    axes, names = found
+                    return axes, self._recording.find_each(names, field)
             self._recording.find(name, field)  # Its error lists what is there.
         raise self._error(quantity, f"no columns '{name}' of a vector were found")
 
@@ -392,7 +375,7 @@ class _Picker:
             parts = list(map(self._scaled, quantities, columns))
         values = np.stack(parts, axis=1)
         named = self._columns.get("time", "time")
-        times = self._recording.find_times(group, named, len(values))
+        times = self._recording.find_times(group, named)
         if times is None:
             reason = f"no column of times was found for '{quantities[0]}'"
             raise self._error("time", f"{reason} (named {named!r})")
@@ -411,8 +394,8 @@ class _Picker:
                 "expected the rows in the order of their times, and as many restarts "
                 "in each table",
             )
-        even = _without_rounding(time[ahead])
-        return Stream(even, values[ahead], group.clock, int(np.sum(~ahead)))
+        late = int(np.sum(~ahead))
+        return Stream(time[ahead], values[ahead], group.clock, late)
 
     def _scaled(self, quantity: str, column: Column) -> np.ndarray:
         """A column in SI; refuses a unit that the file contradicts."""
@@ -441,29 +424,10 @@ class _Picker:
         return InputError(f"{self._recording.path}: {self._field(quantity)}: {reason}.")
 
 
-def _without_rounding(time: np.ndarray) -> np.ndarray:
-    """Times (n,) with even steps, where they are rounded and all that is not is that.
-
-    Rows between gaps are on their own. At 7 m/s a millisecond is 7 mm.
-    """
-    clean = time.copy()
-    left = (np.ptp(time / r - np.round(time / r)) for r in _ROUNDED if len(time))
-    digit = next((r for r, n in zip(_ROUNDED, left, strict=False) if n < 1e-2), 0.0)
-    gaps = np.diff(time) > 1.5 * np.median(np.diff(time)) + digit
-    for rows in np.split(np.arange(len(time)), np.flatnonzero(gaps) + 1):
-        if digit and len(rows) >= FEWEST_ROWS:
-            even = np.polynomial.Polynomial.fit(rows, time[rows], 1)(rows)
-            if 1e-3 * digit < np.ptp(even - time[rows]) < 1.1 * digit:
-                clean[rows] = even
-    return clean
-
-
-def _of_matrices(stream: Stream) -> _Attitude:
-    """Rotations of matrices (n, 9), row by row; zeros are no matrix of one."""
+def _turn(stream: Stream, make: Callable[[np.ndarray], Rotation]) -> Stream:
+    """Rotations (n, 9) that are made of the numbers of each row."""
     stream = stream.known()
-    matrices = stream.values.reshape(-1, 3, 3)
-    are_ones = np.linalg.det(matrices) > 0.5
-    return _Attitude(stream.time[are_ones], Rotation.from_matrix(matrices[are_ones]))
+    return stream._replace(values=make(stream.values).as_matrix().reshape(-1, 9))
 
 
 def _world_axes(frame: Frame) -> np.ndarray:
@@ -483,9 +447,12 @@ def _turn_points(points: np.ndarray, world: np.ndarray) -> np.ndarray:
     return points @ world.T
 
 
-def _interpolate(attitude: _Attitude, time: np.ndarray) -> np.ndarray:
-    """Rotations (n, 3, 3) at times (n,), nan where no attitude is near."""
-    known = attitude.time
+def _interpolate(turns: Stream, time: np.ndarray) -> np.ndarray:
+    """Rotations (n, 3, 3) at times (n,), nan where none of (k, 9) is near."""
+    turns = turns.known()
+    matrices = turns.values.reshape(-1, 3, 3)
+    are_turns = np.linalg.det(matrices) > 0.5  # Zeros are none.
+    known = turns.time[are_turns]
     result = np.full((len(time), 3, 3), np.nan)
     if len(known) > 1:
         index = np.clip(np.searchsorted(known, time), 1, len(known) - 1)
@@ -494,5 +461,6 @@ def _interpolate(attitude: _Attitude, time: np.ndarray) -> np.ndarray:
         exact = np.minimum(np.abs(since), np.abs(until)) < _SAME_TIME
         near = exact | (since + until < _MAX_GAP)
         near &= (since >= 0.0) & (until >= 0.0)
-        result[near] = Slerp(known, attitude.turns)(time[near]).as_matrix()
+        rotations = Rotation.from_matrix(matrices[are_turns])
+        result[near] = Slerp(known, rotations)(time[near]).as_matrix()
     return result

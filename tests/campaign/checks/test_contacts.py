@@ -8,8 +8,9 @@ import pytest
 
 from glider.campaign.checks.rows import find_faults
 from glider.campaign.importing.cutting import cut
-from glider.campaign.importing.track import Track, planar_rotation
+from glider.campaign.importing.track import Track
 from glider.campaign.reader import load_campaign
+from tests.campaign.importing import foreign
 from tests.helpers.campaigns import campaign_path
 
 NOISE = (4e-4, 4e-4, 2.5e-3)
@@ -76,7 +77,7 @@ def test_a_recording_is_cut_before_a_stop_or_a_slide(campaign, slide, least):
             path=Path("take.csv"),
             time=stopped.time,
             position=np.column_stack([x, 0.0 * x, z]),
-            rotation=planar_rotation(pitch),
+            rotation=foreign.planar_rotation(pitch),
             spatial=False,
         )
         [found], _ = cut(track, 9.81)

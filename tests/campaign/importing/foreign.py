@@ -42,6 +42,11 @@ def position(flight: Flight) -> np.ndarray:
     return np.column_stack([x, np.zeros(len(x)), z])
 
 
+def planar_rotation(pitch: np.ndarray) -> np.ndarray:
+    """Rotations (n, 3, 3) by pitches (n,) alone, positive nose down."""
+    return Rotation.from_euler("y", pitch[:, None]).as_matrix()
+
+
 def rotation(flight: Flight) -> Rotation:
     """Turns nose, left and top to forward, left and up."""
     return Rotation.from_euler("y", flight.pose[:, 2:])

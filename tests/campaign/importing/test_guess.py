@@ -92,7 +92,7 @@ def test_poses_and_servos_in_two_files_are_joined(tmp_path, campaign):
     found = yaml.safe_load(guess.text)
     assert found["join"] == ["*poses.csv", "*servo.csv"]
     assert found["columns"]["elevator"] == "angle"
-    assert found["columns"]["time"] == "t"
+    assert found["columns"]["time"] == ["t"]
     assert_guessed(files, campaign, tmp_path, elevator="angle")
 
 

@@ -10,7 +10,7 @@ import pytest
 from glider.campaign.checks.servo import calc_correlation, measure_elevators
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.servo_logs import align_commands, make_servo
-from glider.campaign.importing.track import ServoLogs, Stream, Track, planar_rotation
+from glider.campaign.importing.track import ServoLogs, Stream, Track
 from glider.campaign.logs import ServoLog
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
@@ -238,7 +238,7 @@ def logged(campaign, time=TIME, **servo):
         path=Path("log.csv"),
         time=time,
         position=np.zeros((len(time), 3)),
-        rotation=planar_rotation(np.zeros(len(time))),
+        rotation=foreign.planar_rotation(np.zeros(len(time))),
         spatial=False,
         clock="poses",
         servo=ServoLogs(**streams),

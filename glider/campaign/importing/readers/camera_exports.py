@@ -55,11 +55,11 @@ def _refuse(path: Path, what: str, lacks: str) -> InputError:
 
 
 def _make_columns(
-    data: NumberedRows, names: Sequence[str], units: Sequence[str | None]
+    data: NumberedRows, heads: Sequence[tuple[str, str | None]]
 ) -> _Columns:
-    """The first column of each name; "" is the name of none that is wanted."""
+    """The first column of each name, by names and units; that of "" is not wanted."""
     columns: _Columns = {}
-    for j, (name, unit) in enumerate(zip(names, units, strict=False)):
+    for j, (name, unit) in enumerate(heads):
         if name and name not in columns:
             columns[name] = make_column(name, data, j, unit)
     return columns
@@ -75,17 +75,15 @@ def _parse_motive(path: Path, rows: _Rows) -> Recording:
     order = facts.get("Rotation Type", "").upper()
     unit_of = {"Position": spell(facts.get("Length Units", ""))}
     angle = None if order == "QUATERNION" else "deg"
-    names = []
-    units = []
+    heads: list[tuple[str, str | None]] = []
     for body, part, axis in zip(bodies, rows[last - 1], rows[last], strict=False):
-        names.append(f"{body}.{part}.{axis}" if axis in [*"XYZW"] else "")
-        units.append(unit_of.get(part, angle))
-    names[:2] = ["", _TIME]
-    units[:2] = [None, "s"]
-    columns = _make_columns(number_rows(rows, last + 1), names, units)
+        name = f"{body}.{part}.{axis}" if axis in [*"XYZW"] else ""
+        heads.append((name, unit_of.get(part, angle)))
+    heads[:2] = [("", None), (_TIME, "s")]
+    columns = _make_columns(number_rows(rows, last + 1), heads)
     is_euler = sorted(order) == ["X", "Y", "Z"]
     table = Group("", columns, _TIME)
-    return Recording(path, (table,), order if is_euler else None, up="y")
+    return Recording(path, (table,), order if is_euler else "", up="y")
 
 
 def _parse_vicon(path: Path, rows: _Rows) -> Recording:
@@ -98,16 +96,16 @@ def _parse_vicon(path: Path, rows: _Rows) -> Recording:
         rate = to_number(header[0][0]) if header and header[0] else 0.0
         if len(header) < 4 or not rate > 0.0:
             raise _refuse(path, "Vicon", f"rate, names or units of its '{kind}'")
-        _, bodies, parts, units = header
         owner = ""
-        names: list[str] = []
-        for body, part in itertools.zip_longest(bodies, parts, fillvalue=""):
+        heads: list[tuple[str, str | None]] = []
+        for body, part, unit in itertools.zip_longest(*header[1:], fillvalue=""):
             owner = (body or owner).removeprefix("Global Angle ").strip()
             axis = _VICON_AXIS.fullmatch(part.upper())
-            names.append(f"{owner}.{_PARTS[axis[1]]}.{axis[2]}" if axis else "")
-        names[:2] = ["", ""]  # Numbers of frames.
+            name = f"{owner}.{_PARTS[axis[1]]}.{axis[2]}" if axis else ""
+            heads.append((name, spell(unit)))
+        heads[:2] = [("", None)] * 2  # Numbers of frames.
         data = number_rows(rows, start + 5, end)
-        columns = _make_columns(data, names, [*map(spell, units), *[None] * len(names)])
+        columns = _make_columns(data, heads)
         frames = make_column("Frame", data, 0, None)
         times = (frames.values - frames.values[:1].sum()) / rate
         columns[_TIME] = Column(times, "s", frames.fault)
@@ -121,22 +119,21 @@ def _parse_qtm(path: Path, rows: _Rows) -> Recording:
     The attitude of bodies is their matrix: the meaning of BODY.Roll, Pitch and Yaw is a
     setting of QTM. A residual of -1 marks a row in which a body was not seen.
     """
-    heads = itertools.takewhile(lambda r: not r or _QTM_KEY.fullmatch(r[0]), rows)
-    facts = {row[0]: row[1:] for row in heads if row}
+    first_rows = itertools.takewhile(lambda r: not r or _QTM_KEY.fullmatch(r[0]), rows)
+    facts = {row[0]: row[1:] for row in first_rows if row}
     first = next((i for i, r in enumerate(rows) if r and r[0] not in facts), -1)
     has_bodies = {"BODY_NAMES", "MARKER_NAMES"} & facts.keys()
     if first < 0 or not has_bodies or np.isfinite(to_number(rows[first][0])):
         raise _refuse(path, "QTM", "6D or 3D data, or the row of their names")
     owner = ""
-    names = []
-    units = []
+    heads: list[tuple[str, str | None]] = []
     for cell in rows[first]:
         before, _, part = cell.rpartition(" ")
         owner = before or owner
-        names.append(f"{owner}.{_QTM_PARTS.get(part, part)}" if owner else cell)
-        units.append(_QTM_UNITS.get(part))
+        name = f"{owner}.{_QTM_PARTS.get(part, part)}" if owner else cell
+        heads.append((name, _QTM_UNITS.get(part)))
     data = number_rows(rows, first + 1)
-    columns = _make_columns(data, names, units)
+    columns = _make_columns(data, heads)
     rate = to_number(facts.get("FREQUENCY", [""])[0])
     if _TIME not in columns:
         if not rate > 0.0:

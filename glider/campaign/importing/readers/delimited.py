@@ -27,6 +27,7 @@ _BLANK = re.compile(
     re.IGNORECASE,
 )
 """Cells without a value; 1.#QNAN and -nan(ind) are those of Microsoft's C."""
+_MARK = re.compile(r"^[#%]+[ \t]*")  # Before a comment, or before names.
 _UNIT_IN_NAME = re.compile(r"^(.*\S)\s*[\[(]\s*((?!\d)[^\[\]()]*?)\s*[\])]$")
 _CLOCK = re.compile(r"(-?)(?:(\d+):)?(\d\d?):(\d\d?)(?:[.,](\d+)|:(\d{3}))?")
 """h:mm:ss.fff, mm:ss.fff or h:mm:ss:ms, as of videos."""
@@ -66,9 +67,9 @@ def parse(path: Path, text: str) -> Recording:
     has the names, unless that is a row of units. A unit may also stand in a name:
     "pitch [deg]", "x (mm)", "pitch_deg". Names that repeat get that of their group, in
     the row above, before them: "Position.x". A header may stand again between rows.
-    A # before the first name may stand apart, and the header have its own separator.
+    A # or % before the first name is none of it. A header may have its own separator.
     """
-    lines = text.splitlines()
+    lines = [_MARK.sub("", line) for line in text.splitlines()]
     while lines and not re.search(r"\d", lines[-1]):  # Empty cells, or a last word.
         lines.pop()
     rows = split_rows(lines, _find_delimiter(lines))
@@ -81,7 +82,10 @@ def parse(path: Path, text: str) -> Recording:
             f"above them, or another of the formats {FORMAT_NAMES}."
         )
     width = len(rows[first])
-    header = _find_header(rows[:first], width)
+    header = [row for row in rows[:first] if len(row) == width and any(row)]
+    if not header:  # It may not have the separator of the rows.
+        apart = (re.split(r"[\s,;|]+(?![\[(\s])", line) for line in lines[:first])
+        header = [row for row in apart if len(row) == width]
     of_row: list[str | None] = [None] * width
     if len(header) > 1 and _are_units(header[-1], header[-2]):
         of_row = [spell(cell) for cell in header.pop()]
@@ -174,25 +178,6 @@ def to_number(cell: str) -> float:
     except ValueError:
         return math.nan
     return value if math.isfinite(value) else math.nan
-
-
-def _find_header(rows: Sequence[_Row], width: int) -> list[list[str]]:
-    """The rows of a header that have a cell for each column, without their marks."""
-    header = []
-    for row in rows:
-        cells = [*row]
-        if cells and cells[0] and not cells[0].strip("#%"):  # It may be a name.
-            cells = cells[len(cells) == width + 1 :]
-        elif cells:
-            cells[0] = cells[0].lstrip("#% ")
-        if len(cells) == width and any(cells):
-            header.append(cells)
-    if not header:  # It may not have the separator of the rows.
-        for row in rows:
-            joined = re.sub(r"\s+(?=[\[(])", "", " ".join(row).lstrip("#% "))
-            words = [word for word in re.split(r"[\s,;|]+", joined) if word]
-            header += [words] if len(words) == width else []
-    return header
 
 
 def _split_unit(name: str) -> tuple[str, str | None]:

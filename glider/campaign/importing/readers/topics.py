@@ -18,7 +18,6 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from glider.campaign.importing.recording import Column, Group, Recording, need
-from glider.campaign.importing.splitting import find_restarts
 from glider.errors import InputError
 
 _TIME = "time"
@@ -146,7 +145,7 @@ def _make_decoder(schema: Any, channel: Any, path: Path) -> _Decoder | None:
 def _collect(
     path: Path, messages: Iterable[_Message], unread: dict[str, str]
 ) -> Recording:
-    """All topics, each in the order of its times, from restart to restart."""
+    """All topics."""
     topics: dict[str, list[dict[str, float]]] = defaultdict(list)
     bodies: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     """By topic and place in its messages, which bodies stand there."""
@@ -186,14 +185,12 @@ def _make_group(topic: str, rows: list[dict[str, float]]) -> Group:
     stamps = [row.pop(_STAMP) for row in rows]
     recorded = [row[_TIME] for row in rows]
     times = np.array(stamps if any(stamps) else recorded)
-    part = np.searchsorted(find_restarts(times), range(len(times)), "right")
-    order = np.lexsort([times, part])
     names = dict.fromkeys(name for row in rows for name in row)
     columns = {
-        name: Column(np.array([rows[i].get(name, np.nan) for i in order]))
+        name: Column(np.array([row.get(name, np.nan) for row in rows]))
         for name in names
     }
-    columns[_TIME] = Column(times[order], "s")
+    columns[_TIME] = Column(times, "s")
     return Group(topic, columns, _TIME)
 
 
