@@ -48,7 +48,7 @@ _MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
 _TRIED = slice(-0.02, 0.355, 0.03), slice(0.003, 0.4, 0.04)
 """Delays and lags that are tried for the gain [s]: command_delay and servo_lag are less
 than 0.3 s."""
-_FEW = 8  # Flights that show a delay and a lag, about.
+_ENOUGH = 20  # Flights that show a gain, about.
 _LONGEST_LAG = 0.36  # Lag above which the gain of a servo is unknown [s].
 _TRAVEL = (0.06, 0.2)
 """Share by which the travel may be off; calibrated by bench_travel."""
@@ -126,6 +126,10 @@ class Elevator(NamedTuple):
         """Times (m,) of the angles [s]."""
         return self.time[self.rows]
 
+    def given(self, commands: np.ndarray) -> "Elevator":
+        """The same behind other commands (k,) [rad/s]."""
+        return self._replace(tape=self.tape._replace(commands=commands))
+
     def follow(
         self,
         query: np.ndarray,
@@ -137,29 +141,18 @@ class Elevator(NamedTuple):
         It began at `rest`, or at the angle of the tape. For an uneven servo the times
         increase.
         """
-        tape = self.tape
-        start = tape.rest if rest is None else rest
-        lag = servo.lag
-        if servo != servo.even:
-            uneven = servo[4:]
-            lags = (lag * (1.0 + servo.skew), lag * (1.0 - servo.skew))
-            start = float(min(max(start, servo.limits.low), servo.limits.high))
-            path = np.empty(len(query))
-            begins = tape.switches + servo.delay
-            loads = self.time[: len(self.load)], self.load
-            form = (*lags, *uneven)
-            given = begins, tape.commands, query, servo.limits, form, *loads
-            LOOPS.over(()).uneven_path(*given, start, path)
-            return path
-        return elevator_path(
-            tape.switches,
-            tape.commands,
-            query,
-            servo.limits,
-            delay=servo.delay,
-            time_constant=lag,
-            start=start,
-        )
+        limits, delay, lag, skew, *uneven = servo
+        start = self.tape.rest if rest is None else rest
+        tape = self.tape.switches + delay, self.tape.commands
+        if servo == servo.even:
+            return elevator_path(*tape, query, limits, time_constant=lag, start=start)
+        form = (lag * (1.0 + skew), lag * (1.0 - skew), *uneven)
+        start = float(min(max(start, limits.low), limits.high))
+        path = np.empty(len(query))
+        loads = self.time[: len(self.load)], self.load
+        given = *tape, query, limits, form, *loads
+        LOOPS.over(()).uneven_path(*given, start, path)
+        return path
 
 
 def measure_elevators(
@@ -271,13 +264,10 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
         return np.zeros((4, len(delays), 0))
     ends, change = _changes_of(elevator.seen, elevator.angle)
     time = elevator.time
-    after = np.clip(np.searchsorted(time, ends), 1, len(time) - 1)
-    share = (ends - time[after - 1]) / (time[after] - time[after - 1])
     late = delays[:, None]
-    path = elevator.follow(time - late)
     # Between rows, as the log has them: a path that turns there counts less.
-    shown = path[:, after - 1]
-    shown += share * (path[:, after] - shown)
+    paths = elevator.follow(time - late)
+    shown = np.array([np.interp(ends, time, path) for path in paths])
     ordered = shown[:, 1] - shown[:, 0]
     is_known = (ends[0] - late >= time[0]) & (ends[1] - late <= time[-1])
     slowing = STOPPING_TIME * stops.rate if math.isfinite(stops.rate) else 0.0
@@ -309,32 +299,32 @@ def _calc_travel(
 ) -> tuple[float, float]:
     """Measured over commanded travel without its sign, and its standard error.
 
-    Least squares over all flights, of a delay and a lag that fit a few of them. The
-    servo keeps its limits, or none if that fits better, as those of commands in another
-    unit are others. The limits that elevators reach excuse a gain that is not one, if
-    they fit better. The error is what flights scatter by; it is infinite if the lag is
-    too long.
+    Least squares, with the delay, the lag and the limits that fit best: those of the
+    servo, those that elevators reach, or none, as those of commands in another unit are
+    others. The error is what flights scatter by; it is infinite if the lag is too long.
     """
     shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
+    shown = shown[:: max(1, len(shown) // _ENOUGH)]
     if not shown:
         return 0.0, math.inf
-    few = shown[:: max(1, len(shown) // _FEW)]
+    angles = [each.angle - np.mean(each.angle) for each in shown]
+    angle = np.concatenate(angles)
+
+    def fit(late: np.ndarray, own: Servo) -> tuple[float, float]:
+        """Squares that are left [rad²], and the gain."""
+        servo = LateServo(own, float(late[0]), abs(float(late[1])))
+        paths = [each.follow(each.seen, servo) for each in shown]
+        path = np.concatenate([each - np.mean(each) for each in paths])
+        gain = float(angle @ path) / max(float(path @ path), 1e-30)
+        return float(np.sum((angle - gain * path) ** 2)), abs(gain)
+
     fits = []
-    for own in (limits, NO_LIMITS, _reached(few)):
-
-        def left(late: np.ndarray, own: Servo = own) -> float:
-            return _compare_travel(few, _late_servo(own, late))[0]
-
-        servo = _late_servo(own, brute(left, _TRIED))
-        fits.append((*_compare_travel(shown, servo), servo.lag))
-    excuse = fits.pop()
-    least, gain, lag = min(fits)
-    if excuse[0] < least and abs(excuse[1] - 1.0) < abs(gain - 1.0):
-        _, gain, lag = excuse
+    for own in (limits, NO_LIMITS, _reached(shown)):
+        late = brute(lambda late, own: fit(late, own)[0], _TRIED, (own,))
+        fits.append((*fit(late, own), abs(late[1])))
+    _, gain, lag = min(fits)
     error = _SCATTER / math.sqrt(len(shown))
-    if lag > _LONGEST_LAG and gain <= 1.0:
-        error = math.inf
-    return gain, error
+    return gain, math.inf if lag > _LONGEST_LAG and gain <= 1.0 else error
 
 
 def _reached(elevators: Sequence[Elevator]) -> Servo:
@@ -343,25 +333,3 @@ def _reached(elevators: Sequence[Elevator]) -> Servo:
     changes = [_changes_of(each.seen, each.angle)[1] for each in elevators]
     fastest = float(np.max(np.abs(np.concatenate(changes)))) / _WINDOW
     return Servo(float(np.min(angles)), float(np.max(angles)), fastest)
-
-
-def _late_servo(limits: Servo, late: np.ndarray) -> LateServo:
-    """A servo with a delay and a lag (2,) [s]."""
-    return LateServo(limits, float(late[0]), abs(float(late[1])))
-
-
-def _compare_travel(
-    elevators: Sequence[Elevator], servo: LateServo
-) -> tuple[float, float]:
-    """Squares that a servo leaves of elevators [rad²], and their gain over its path."""
-    measured = []
-    paths = []
-    for elevator in elevators:
-        path = elevator.follow(elevator.seen, servo)
-        measured.append(elevator.angle - np.mean(elevator.angle))
-        paths.append(path - np.mean(path))
-    angle = np.concatenate(measured)
-    path = np.concatenate(paths)
-    gain = float(angle @ path) / max(float(path @ path), 1e-30)
-    left = float(np.sum((angle - gain * path) ** 2))
-    return left, abs(gain)

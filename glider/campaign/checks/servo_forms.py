@@ -29,11 +29,9 @@ walk. Of the orders 1 to 3 its errors are the least or nearly so, and it never t
 noise for departures (bench_departures)."""
 _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
 _SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
-_LONGEST = (0.3, 0.5)  # Delay and lag [s].
-_STEPS = (0.01, 0.01)  # Of delay and lag, to scale them [s].
+_LEAST = {"low": -np.inf, "high": -np.inf, "skew": -1.0}  # Of all others 0.
 _NEAR_STOP = 0.05  # Distance from a stop where a servo may slow down [rad].
 _SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
-_LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
 _USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
 _MOST_TRIES = 40  # Of a fit, which may have numbers that show nothing.
 _DIFFERENCE = 1e-3  # Relative step of slopes.
@@ -50,7 +48,7 @@ class Fit:
 
     servo: LateServo
     elevators: Sequence[Elevator]  #: Behind the commands that reached it.
-    cost: float  #: Of what was chosen beside delay, lag and `free` [nats].
+    cost: float = 0.0  #: Of what was chosen beside delay, lag and `free` [nats].
     free: tuple[str, ...] = ()  #: Numbers that were fitted beside delay and lag.
     std: float = 0.0  #: Standard error of the last of them, from flight to flight.
 
@@ -77,11 +75,6 @@ class Fit:
         rows = sum(len(each.rows) for each in self.elevators)
         freedom = 0.5 * len(self.free) * math.log(rows)
         return self.departures.log_likelihood - freedom - self.cost
-
-
-def fit_of(servo: LateServo, elevators: Sequence[Elevator], cost: float = 0.0) -> Fit:
-    """A servo as it is."""
-    return Fit(servo=servo, elevators=elevators, cost=cost)
 
 
 def find_rest(elevator: Elevator, servo: LateServo) -> float:
@@ -131,50 +124,38 @@ def fit_servo(
     """
     angles = np.concatenate([each.angle for each in elevators])
     commands = np.concatenate([each.tape.commands for each in elevators])
-    low = float(np.min(angles))
-    high = float(np.max(angles))
-    middle = 0.5 * (low + high)
-    span = high - low
-    fastest = float(np.max(np.abs(commands)))
-    ranges = {  # Least and most of each, where it begins, and its scale.
-        "low": (low - span, middle, low, 0.1),
-        "high": (middle, high + span, high, 0.1),
-        "rate": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
-        "skew": (-1.0, 1.0, 0.0, 0.1),
-        "lag_by_load": (0.0, _LONGEST[1], 0.02, _STEPS[1]),
-        "rate_by_load": (0.0, 1.0, 0.3, 0.1),
-        "play": (0.0, span, 0.01, 0.01),
-        "slew": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
-    }
+    fast = 0.9 * float(np.max(np.abs(commands)))
+    begins = {"low": float(np.min(angles)), "high": float(np.max(angles))}
+    begins |= {"rate": fast, "slew": fast, "skew": 0.0, "play": 0.01}
+    begins |= {"lag_by_load": 0.02, "rate_by_load": 0.3}
 
     def servo_of(numbers: np.ndarray) -> LateServo:
-        delay, lag, *values = map(float, numbers)
-        own = dict(zip(free, values, strict=True))
+        own = dict(zip(("delay", "lag", *free), numbers.tolist(), strict=True))
         ends = {name: own.pop(name) for name in Servo._fields if name in own}
-        return LateServo(start.limits._replace(**ends), delay, lag, **own)
+        return LateServo(start.limits._replace(**ends), **own)
 
     def errors(numbers: np.ndarray) -> np.ndarray:
         servo = servo_of(numbers)
         return np.concatenate([_lasting_errors(each, servo) for each in elevators])
 
-    least = [-_SURE * clock_std, 0.0, *(ranges[name][0] for name in free)]
-    most = [*_LONGEST, *(ranges[name][1] for name in free)]
-    scales = [*_STEPS, *(ranges[name][3] for name in free)]
     fits = []
     for late in (_STARTS[0], start[1:3]) if free else _STARTS:
         # Large errors weigh less: a lost command says nothing of the servo.
         found = least_squares(
             errors,
-            [*late, *(ranges[name][2] for name in free)],
-            bounds=(least, most),
-            x_scale=scales,
+            [*late, *(begins[name] for name in free)],
+            bounds=(
+                [-_SURE * clock_std, 0.0, *(_LEAST.get(name, 0.0) for name in free)],
+                np.inf,
+            ),
+            x_scale="jac",
             diff_step=_DIFFERENCE,
             loss="soft_l1",
             max_nfev=_MOST_TRIES,
             f_scale=_USUAL_ERROR,
         )
-        fit = fit_of(servo_of(found.x), elevators, cost)
-        fits.append(dataclasses.replace(fit, free=free, std=_std_of(found, elevators)))
+        fit = Fit(servo=servo_of(found.x), elevators=elevators, cost=cost, free=free)
+        fits.append(dataclasses.replace(fit, std=_std_of(found, elevators)))
     return max(fits, key=lambda fit: fit.likelihood)
 
 
@@ -182,9 +163,8 @@ def _std_of(found: OptimizeResult, elevators: Sequence[Elevator]) -> float:
     """Standard error of the last number of a fit, as flights differ."""
     # SciPy's slopes are those of errors that count less where they are large.
     error = found.fun * (1.0 + (found.fun / _USUAL_ERROR) ** 2) ** 0.25
-    ends = np.cumsum([len(each.rows) for each in elevators])[:-1]
-    parts = zip(np.split(found.jac, ends), np.split(error, ends), strict=True)
-    pulls = np.array([slopes.T @ own for slopes, own in parts])
+    begins = np.cumsum([0, *(len(each.rows) for each in elevators[:-1])])
+    pulls = np.add.reduceat(found.jac * error[:, None], begins)
     gain = np.linalg.pinv(found.jac.T @ found.jac)[-1]
     return float(np.linalg.norm(pulls @ gain))
 
@@ -195,18 +175,14 @@ def restore_lost(plain: Fit, clock_std: float) -> tuple[Fit, float]:
     Also returns their share of all.
     """
     noise = plain.departures.noise
-    found = []
-    lost = 0
-    count = 0
-    cost = 0.0
-    for each in plain.elevators:
-        commands = _held_instead(each, plain.servo, noise)
-        own = int(np.count_nonzero(commands != each.tape.commands))
-        lost += own
-        count += len(commands)
-        cost += own * math.log(len(commands))
-        found.append(each._replace(tape=each.tape._replace(commands=commands)))
-    return fit_servo(found, plain.servo, clock_std, cost=cost), lost / count
+    held = [_held_instead(each, plain.servo, noise) for each in plain.elevators]
+    pairs = [*zip(plain.elevators, held, strict=True)]
+    lost = [np.count_nonzero(own != each.tape.commands) for each, own in pairs]
+    counts = [len(own) for own in held]
+    found = [each.given(own) for each, own in pairs]
+    cost = float(np.dot(lost, np.log(counts)))
+    share = sum(lost) / sum(counts)
+    return fit_servo(found, plain.servo, clock_std, cost=cost), share
 
 
 def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
@@ -214,32 +190,34 @@ def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
 
     The one that explains the most of the angles about it comes first.
     """
-    tape = each.tape
-    commands = tape.commands.copy()
-    around = _AROUND * float(np.median(np.diff(tape.switches)))
+    switches, commands, _ = each.tape
+    commands = commands.copy()
+    around = _AROUND * float(np.median(np.diff(switches)))
     kept = [*range(1, len(commands))]
 
-    def gain(k: int) -> float:
-        since = each.seen - tape.switches[k] - servo.delay
+    def left_by(commands: np.ndarray, k: int) -> float:
+        """Squares after the k-th command, over those of noise and of the mean before.
+
+        That mean has noise of its own, the same in all rows.
+        """
+        since = each.seen - switches[k] - servo.delay
         before = (since <= 0.0) & (since > -around)
         after = (since > 0.0) & (since < around + servo.lag)
-        if not before.any():
+        count = np.count_nonzero(before)
+        if not count:
             return 0.0
-        held = commands.copy()
-        held[k] = held[k - 1]
-        left = []
-        for own in (commands, held):
-            other = each._replace(tape=tape._replace(commands=own))
-            error = each.angle - other.follow(each.seen, servo)
-            left.append(np.sum((error[after] - np.mean(error[before])) ** 2))
-        # The mean before has noise of its own, the same in all rows.
-        variance = noise**2 * (1.0 + np.count_nonzero(after) / np.count_nonzero(before))
-        return float(left[0] - left[1]) / (2.0 * variance)
+        error = each.angle - each.given(commands).follow(each.seen, servo)
+        squares = np.sum((error[after] - np.mean(error[before])) ** 2)
+        return float(squares) / (1.0 + np.count_nonzero(after) / count)
 
     while kept:
-        gains = [gain(k) for k in kept]
+        gains = []
+        for k in kept:
+            held = commands.copy()
+            held[k] = held[k - 1]
+            gains.append(left_by(commands, k) - left_by(held, k))
         best = int(np.argmax(gains))
-        if gains[best] < LEAST_EVIDENCE:
+        if gains[best] < 2.0 * noise**2 * LEAST_EVIDENCE:
             break
         k = kept.pop(best)
         commands[k] = commands[k - 1]
@@ -248,30 +226,25 @@ def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
 
 def find_step(plain: Fit, clock_std: float) -> tuple[Fit, float]:
     """Fits elevators behind rounded commands; also returns the step [rad/s]."""
-    elevators = plain.elevators
-    commands = np.concatenate([each.tape.commands for each in elevators])
-    largest = float(np.max(np.abs(commands)))
-    usual = float(np.sqrt(np.mean(commands**2)))
+    commands = np.concatenate([each.tape.commands for each in plain.elevators])
 
     def behind(step: float) -> list[Elevator]:
-        tapes = [each.tape for each in elevators]
-        rounded = [
-            t._replace(commands=step * np.round(t.commands / step)) for t in tapes
-        ]
-        return [e._replace(tape=t) for e, t in zip(elevators, rounded, strict=True)]
+        given = [step * np.round(e.tape.commands / step) for e in plain.elevators]
+        pairs = zip(plain.elevators, given, strict=True)
+        return [each.given(rounded) for each, rounded in pairs]
 
     def likelihood(inverse: float) -> float:
-        return fit_of(plain.servo, behind(1.0 / inverse)).likelihood
+        return Fit(servo=plain.servo, elevators=behind(1.0 / inverse)).likelihood
 
     # By a step that is wrong by so much, usual commands are off by a tenth of it.
-    apart = 0.1 / usual
-    inverse = np.arange(1.0 / largest, 1.0 / least_step(plain), apart)
-    count = len(inverse)
+    apart = 0.1 / float(np.sqrt(np.mean(commands**2)))
+    least = 1.0 / float(np.max(np.abs(commands)))
+    inverse = np.arange(least, 1.0 / least_step(plain), apart)
+    cost = math.log(len(inverse) * _FINER**2)
     for _ in range(3):
         best = inverse[np.argmax([likelihood(value) for value in inverse])]
         inverse = best + apart * np.linspace(-0.5, 0.5, _FINER)
         apart *= 2.0 / (_FINER - 1)
-    cost = math.log(count * _FINER**2)
     return fit_servo(behind(1.0 / best), plain.servo, clock_std, cost=cost), 1.0 / best
 
 
@@ -290,26 +263,22 @@ def with_loads(
 
     It is as |V| V·n, of the elevator's normal n and its velocity V.
     """
-    flights = {flight.name: flight for flight in campaign.flights}
     usual = GliderParameters().hinge_offset
     arm = campaign.vehicle.get("hinge_offset", usual)
-    times = []
-    poses = []
+    flights = {flight.name: flight for flight in campaign.flights}
+    logs = []
     for each in elevators:
         flight = flights[each.name]
-        usable = masks_of(flight, masks).usable & np.isin(flight.time, each.time)
-        times.append(flight.time[usable])
-        poses.append(flight.pose[usable])
-    found = estimate_noise(times, poses)
+        usable = masks_of(flight, masks).usable
+        logs.append((flight.time[usable], flight.pose[usable]))
+    times, poses = zip(*logs, strict=True)
+    ratio = max(channel.ratio for channel in estimate_noise(times, poses))
     loads = []
-    for each, time, pose in zip(elevators, times, poses, strict=True):
-        motion = [
-            smoothing_maps(time, each.time, channel.ratio)[:2] @ own
-            for channel, own in zip(found, pose.T, strict=True)
-        ]
-        (_, x), (_, z), (pitch, turning) = motion
+    for each, (time, pose) in zip(elevators, logs, strict=True):
+        curve, rate = smoothing_maps(time, each.time, ratio)[:2] @ pose
+        x, z, turning = rate.T
         angle = np.interp(each.time, each.seen, each.angle)
-        e = pitch + angle
+        e = curve[:, 2] + angle
         across = x * np.sin(e) + z * np.cos(e) + arm * turning * np.cos(angle)
         loads.append(np.abs(across) * np.hypot(x, z))
     most = max(float(np.max(load)) for load in loads)
