@@ -54,10 +54,6 @@ and two of them at 50 Hz turn the elevator by 0.5 rad."""
 _BESIDE = 3  # Rows on each side of a gap that show how far the elevator turned in it.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
 _NEAR_STOP = 0.02  # An elevator this close to its stop may rest there [rad].
-_TURN = 1.0
-"""Angle by which an attitude jumps where markers are exchanged [rad]. Measured throws
-turn by 0.14 at most from row to row, noise included."""
-_TURNING = 30.0  # Rate by which a body may turn that far, in a longer step [rad/s].
 _HALF = 0.06  # Half of the time over which a glider must stay where it is [s].
 _PLACE = 0.008  # ... within this of its middle [m]; free fall from rest: 0.018.
 _SHORTEST = 0.06  # Rows that lie must last, at least [s].
@@ -95,7 +91,7 @@ def find_faults(campaign: Campaign) -> Inspection:
     passes.
     """
     flights = campaign.flights
-    scale = _measure_scale([(flight.time, flight.pose) for flight in flights])
+    scale = _measure_scale([(flight.time, _columns_of(flight)) for flight in flights])
     of_servos = _find_servo_faults(campaign)
     masks = {}
     excluded = []
@@ -103,35 +99,32 @@ def find_faults(campaign: Campaign) -> Inspection:
     repeated = 0
     stopped = 0
     for flight in flights:
+        name = flight.name
         of_pose = _pose_faults(flight, scale)
-        of_servo = of_servos.get(flight.name, {})
+        of_servo = of_servos.get(name, {})
         pose = np.any([*of_pose.values()], axis=0)
-        elevator = np.any([np.zeros_like(pose), *of_servo.values()], axis=0)
+        elevator = np.any([0.0 * pose, *of_servo.values()], axis=0)
         again = of_pose.pop(_AGAIN)
         for why, flags in (of_pose | of_servo).items():
             if flags.any():
-                excluded.append(ExcludedRows(flight.name, name_rows(flags), why))
-        first = 0
-        last = len(pose)
-        if flight.command is not None:  # The longest piece has all its commands.
-            piece = _pieces_with_commands(flight, campaign)
-            longest = np.argmax(np.bincount(piece, weights=~pose))
-            first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
-        mask = Masks(pose=pose, elevator=elevator, first=first, last=last)
-        masks[flight.name] = mask
+                excluded.append(ExcludedRows(name, name_rows(flags), why))
+        piece = _pieces_with_commands(flight, campaign)
+        longest = np.argmax(np.bincount(piece, weights=~pose))
+        first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
+        masks[name] = Masks(pose=pose, elevator=elevator, first=first, last=last)
         steps = np.diff(flight.time)
         usual = float(np.median(steps))
         for i in np.flatnonzero(steps > _LONG_STEP * usual):
             gap = f"{round(steps[i] / usual) - 1} rows ({steps[i]:.3g} s)"
-            warnings.append(f"{flight.name}: a gap of {gap} after row {i + 2}")
+            warnings.append(f"{name}: a gap of {gap} after row {i + 2}")
         repeated += int(np.sum(again))
-        stopped += bool(pose[~again][-1])
+        stopped += int(pose[~again][-1])
     warnings += _find_filter(campaign, masks)
     if repeated:
         rows = sum(len(flight.time) for flight in flights)
         warnings.append(f"{repeated} of {rows} rows {_AGAIN}: they are not used")
-    if stopped > _STOPPED * len(flights):
-        for name, mask in masks.items():  # Within a row a stop can hide in noise.
+    if stopped > _STOPPED * len(flights):  # Within a row a stop can hide in noise.
+        for name, mask in masks.items():
             for last in np.flatnonzero(mask.usable)[-1:]:
                 mask.pose[last] = True
                 excluded.append(ExcludedRows(name, f"{last + 2}", _AT_STOP))
@@ -147,21 +140,22 @@ def _find_filter(campaign: Campaign, masks: dict[str, Masks]) -> list[str]:
     """Warns of poses that were filtered: neighboring rows have the same noise."""
     if campaign.row_rate < _FAST_LOG:
         return []
-    over_one = []
-    over_two = []
-    for flight in campaign.flights:
-        usable = masks[flight.name].usable
-        time = flight.time[usable]
-        place = flight.pose[usable, :2]
-        over_one.append(fourth_differences(time, place)[0])
-        for first in (0, 1):
-            over_two.append(fourth_differences(time[first::2], place[first::2])[0])
-    one = np.concatenate(over_one)
-    two = np.concatenate(over_two)
-    if min(len(one), len(two)) < _FEWEST_NOISES:
-        return []
-    noise = robust_std(one)
-    ratio = float(np.min(robust_std(two) / np.maximum(noise, 1e-12)))
+    noises = []
+    for every in (1, 2):
+        differences = []
+        for flight in campaign.flights:
+            usable = masks[flight.name].usable
+            time = flight.time[usable]
+            place = flight.pose[usable, :2]
+            for first in range(every):
+                rows = slice(first, None, every)
+                differences.append(fourth_differences(time[rows], place[rows])[0])
+        found = np.concatenate(differences)
+        if len(found) < _FEWEST_NOISES:
+            return []
+        noises.append(robust_std(found))
+    noise = noises[0]
+    ratio = float(np.min(noises[1] / np.maximum(noise, 1e-12)))
     if ratio < _COLORED:
         return []
     return [
@@ -179,10 +173,12 @@ def _pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
     """
     time = flight.time
     command = flight.command
+    if command is None:
+        return np.zeros(len(time), dtype=int)
     steps = np.diff(time)
     usual = float(np.median(steps))
     is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * usual)
-    if command is not None and flight.elevator is not None:
+    if flight.elevator is not None:
         rate = campaign.switch_rate
         hides = hides_command(time, command, rate) & (steps > _LOST * usual)
         if hides.any():
@@ -206,23 +202,25 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
     """Faulty rows (n,) of the pose, by the reason."""
     time = flight.time
     pose = flight.pose
+    columns = _columns_of(flight)
     unknown = ~np.isfinite(pose).all(axis=1)
-    again = _find_repeated(time, pose, scale) & ~find_repeats(pose, _EQUAL_POSES)
-    frozen = _find_frozen(time, pose, scale)
+    frozen = find_repeats(pose, _EQUAL_POSES)
+    again = _find_held(time, columns, scale, 2) & ~frozen
+    for k in range(3):  # One column alone is frozen later than all.
+        alone = _Scale(scale.noise[[k]], scale.digits[[k]])
+        frozen |= _find_held(time, pose[:, [k]], alone, _EQUAL_NUMBERS)
     filled = find_filled(time, pose[:, :2]) & ~(again | frozen)
-    turned = _find_turned_over(flight)
-    usable = ~(unknown | again | frozen | filled | turned)
+    usable = ~(unknown | again | frozen | filled)
     standing = _find_standing(flight, usable)
     usable &= ~standing
-    own = _measure_noise(time[usable], pose[usable])
-    track = Rows(time, pose, np.clip(own, scale.noise, 3.0 * scale.noise))
+    own = _measure_noise(time[usable], columns[usable])
+    track = Rows(time, columns, np.clip(own, scale.noise, 3.0 * scale.noise))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
         "pose: is not a number": unknown,
         _AGAIN: again,
         "pose: does not change while the glider moves: frozen": frozen,
         f"pose: {FILLED}": filled,
-        "pose: its attitude jumps, as where markers are taken for others": turned,
         "pose: lies still, or is held": standing,
         "pose: departs from the motion around it": sticks_out,
         "pose: the track jumps and stays displaced": displaced,
@@ -230,37 +228,16 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
     }
 
 
-def _find_turned_over(flight: Flight) -> np.ndarray:
-    """Rows (n,) between jumps of the attitude that no body can turn by.
+def _columns_of(flight: Flight) -> np.ndarray:
+    """What moves smoothly (n, 3 or 6): the pose, and how axes of the body point aside.
 
-    The longest stretch without a jump is right, and those that continue it.
+    The latter jump where markers are taken for others.
     """
-    time = flight.time
-    turned = np.zeros(len(time), dtype=bool)
     if flight.attitude is None:
-        return turned
+        return flight.pose
     _, roll, yaw = flight.attitude.T
     axes = body_axes(flight.pose[:, 2], roll, yaw)
-    is_short = np.diff(time) < _TURN / _TURNING
-    is_jump = is_short & _is_jump(axes[:-1], axes[1:])
-    jumps = np.flatnonzero(is_jump) + 1
-    parts = np.split(np.arange(len(time)), jumps)
-    longest = int(np.argmax([len(part) for part in parts]))
-    earlier = [part[::-1] for part in parts[longest::-1]]
-    for side in (parts[longest:], earlier):
-        last = side[0][-1]
-        for part in side[1:]:
-            if _is_jump(axes[last], axes[part[0]]):
-                turned[part] = True
-            else:
-                last = part[-1]
-    return turned
-
-
-def _is_jump(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Whether axes (..., 3, 3) are turned by more than `_TURN` from others."""
-    trace = np.sum(one * other, axis=(-2, -1))
-    return 0.5 * (trace - 1.0) < np.cos(_TURN)
+    return np.column_stack([flight.pose, axes[:, 1]])
 
 
 def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -290,7 +267,7 @@ def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> _Scale:
 
 def find_stale(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Rows (n,) of a recording (n, k) that repeat the one before, but move on."""
-    return _find_repeated(time, values, _measure_scale([(time, values)]))
+    return _find_held(time, values, _measure_scale([(time, values)]), 2)
 
 
 def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -316,59 +293,44 @@ def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
     return is_filled
 
 
-def _find_repeated(time: np.ndarray, values: np.ndarray, scale: _Scale) -> np.ndarray:
-    """Rows (n,) that repeat the one before where a column moves on.
+def _find_held(
+    time: np.ndarray, values: np.ndarray, scale: _Scale, least: int
+) -> np.ndarray:
+    """Rows (n,) that repeat the one before, of `least` equal ones, though a body moves.
 
     A camera that measures again measures another number, but for its last digit and
     noise: equal rows of a body that moves by several of these are the last pose, sent
-    again. A slow body, in coarse digits, repeats what was measured.
+    again. A slow body, in coarse digits, repeats what was measured. One column must
+    have been about to move; or all are noisier than their digits by so much that many
+    equal numbers cannot be.
     """
-    stale = np.zeros(len(time), dtype=bool)
-    for first, last in stretches(find_repeats(values, 2)):
-        for column, least in zip(values.T, scale.least, strict=True):
-            if _moves_on(time, first - 1, last, column, least):
-                stale[first : last + 1] = True
-    return stale
+    held = np.zeros(len(time), dtype=bool)
+    is_noisy = least >= _EQUAL_NUMBERS and np.all(scale.noise > _NOISY * scale.digits)
+    for first, last in stretches(find_repeats(values, least)):
+        rows = slice(first, last + 1)
+        held[rows] = is_noisy or np.any(_moves_on(time, rows, values) > scale.least)
+    return held
 
 
-def _find_frozen(time: np.ndarray, pose: np.ndarray, scale: _Scale) -> np.ndarray:
-    """Rows (n,) that repeat the row before while the glider moves.
+def _moves_on(time: np.ndarray, rows: slice, values: np.ndarray) -> np.ndarray:
+    """By how much columns (n, k) should move in rows that repeat the one before, (k,).
 
-    One column alone must have been about to move, or be noisier than its digits by so
-    much that equal numbers cannot be.
+    By the larger slope beside them, and at most by what they catch up.
     """
-    frozen = find_repeats(pose, _EQUAL_POSES)
-    is_noisy = scale.noise > _NOISY * scale.digits
-    for k, column in enumerate(pose.T):
-        for first, last in stretches(find_repeats(column[:, None], _EQUAL_NUMBERS)):
-            if is_noisy[k] or _moves_on(time, first - 1, last, column, scale.least[k]):
-                frozen[first : last + 1] = True
-    return frozen
-
-
-def _moves_on(
-    time: np.ndarray, first: int, last: int, values: np.ndarray, least: float
-) -> bool:
-    """Whether a column (n,) moves by more than `least` while equal, by its neighbors.
-
-    It must catch up, then.
-    """
-    following = values[last + 1 : last + 2]
-    caught_up = np.abs(following - values[last])
-    if not np.all(caught_up > least):
-        return False
-    duration = time[last] - time[first]
-    before = slice(max(first - _REACH, 0), first + 1)
-    after = slice(last + 1, last + _REACH)
-    for rows in (before, after):
-        is_known = np.isfinite(values[rows])
-        own = time[rows][is_known]
+    begin = rows.start - 1
+    caught_up = np.abs(values[rows.stop : rows.stop + 1] - values[begin])
+    moved = np.zeros(values.shape[1])
+    for beside in (
+        slice(max(begin - _REACH, 0), rows.start),
+        slice(rows.stop, rows.stop + _REACH - 1),
+    ):
+        own = time[beside]
         if len(own) >= 4:
-            beside = values[rows][is_known]
-            slope, _ = np.polyfit(own - own[0], beside, 1)
-            if abs(slope) * duration > least:
-                return True
-    return False
+            powers = np.vander(own - own[0], 2)
+            slopes = np.linalg.lstsq(powers, values[beside], rcond=None)[0][0]
+            moved = np.fmax(moved, np.abs(slopes))
+    moved *= time[rows.stop - 1] - time[begin]
+    return np.min([moved, *caught_up], axis=0)
 
 
 def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
@@ -384,22 +346,19 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
     for elevator in elevators:
         angle = elevator.angle
         rate = campaign.elevator_rate_limit or np.max(np.abs(elevator.tape.commands))
-        neighbors = np.stack([angle[:-2], angle[2:]])
-        above = angle[1:-1] - neighbors.max(axis=0)
-        below = neighbors.min(axis=0) - angle[1:-1]
+        between = np.sort([angle[:-2], angle[2:]], axis=0)
+        apart = np.abs(angle[1:-1] - np.clip(angle[1:-1], *between))
         # A turn of the servo within a step sticks out by a step at full rate.
         steps = np.diff(elevator.seen)
         turn = rate * np.minimum(steps[:-1], steps[1:])
-        sticks_out = np.maximum(above, below) > np.sqrt(2.0) * surely + turn
-        sticks_out = np.pad(sticks_out, 1)
+        sticks_out = np.pad(apart > np.sqrt(2.0) * surely + turn, 1)
         frozen = np.zeros(len(angle), dtype=bool)
         ordered = elevator.follow(elevator.seen)
         for first, last in stretches(find_repeats(angle[:, None], _EQUAL_NUMBERS)):
             moved = np.ptp(ordered[first - 1 : last + 1])
-            from_stop = np.abs(np.abs(stops) - abs(angle[first]))
-            rests = np.min(from_stop) < _NEAR_STOP
-            if not rests and moved > max(_MIN_COMMANDED, surely):
-                frozen[first : last + 1] = True
+            from_stop = np.min(np.abs(np.abs(stops) - abs(angle[first])))
+            moves_on = moved > max(_MIN_COMMANDED, surely) and from_stop >= _NEAR_STOP
+            frozen[first : last + 1] = moves_on
         faults[elevator.name] = {
             "elevator: departs from the motion around it": sticks_out,
             "elevator: does not change while commands move it: frozen": frozen

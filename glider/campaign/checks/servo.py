@@ -300,8 +300,9 @@ def _calc_travel(
     """Measured over commanded travel without its sign, and its standard error.
 
     Least squares, with the delay, the lag and the limits that fit best: those of the
-    servo, those that elevators reach, or none, as those of commands in another unit are
-    others. The error is what flights scatter by; it is infinite if the lag is too long.
+    servo, or none, as those of commands in another unit are others. Limits that
+    elevators reach excuse a gain that is not one, if they fit better. The error is what
+    flights scatter by; it is infinite if the lag is too long.
     """
     shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
     shown = shown[:: max(1, len(shown) // _ENOUGH)]
@@ -322,7 +323,11 @@ def _calc_travel(
     for own in (limits, NO_LIMITS, _reached(shown)):
         late = brute(lambda late, own: fit(late, own)[0], _TRIED, (own,))
         fits.append((*fit(late, own), abs(late[1])))
-    _, gain, lag = min(fits)
+    excuse = fits.pop()
+    best = min(fits)
+    if abs(excuse[1] - 1.0) < abs(best[1] - 1.0):
+        best = min(best, excuse)
+    _, gain, lag = best
     error = _SCATTER / math.sqrt(len(shown))
     return gain, math.inf if lag > _LONGEST_LAG and gain <= 1.0 else error
 

@@ -9,23 +9,24 @@ and the most rows that can be one motion are kept.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 _THRESHOLD = 6.0
 """Fourth differences, as standard deviations of noise, above which a row is faulty.
 Gaussian noise passes it in 2e-9 of differences, 6e-9 of rows: the largest of all 68,000
 rows of simulated logs is 4.3. See `_FLOOR` for what a true motion adds."""
 
-_FLOOR = np.array([20.0, 20.0, 200.0])
-"""Largest step of a true acceleration between two rows [m/s², m/s², rad/s²]: a step of
-the elevator's rate makes 8 and 60 on the notebooks' glider at 8 m/s."""
+_FLOOR = 20.0
+"""Largest step of a true acceleration between two rows [m/s²], tenfold of angles: a
+step of the elevator's rate makes 8 and 60 on the notebooks' glider at 8 m/s."""
 
-_JERK = np.array([300.0, 300.0, 3000.0])
-"""Largest third derivative over a gap of a true motion [m/s³, m/s³, rad/s³]."""
+_JERK = 300.0  # Largest third derivative over a gap of a true motion [m/s³], so too.
 
-_SMALL = np.array([[0.004, 0.004, 0.04], [0.3, 0.3, 2.0]])
-"""Jumps of pose [m, m, rad] and of its rate [.../s] that pass, however quiet the
-cameras are: a relabelled marker or a collision does more, a shaking airframe less."""
+_SMALL = np.array([[0.004], [0.3]])
+"""Jumps of a position [m] and of its rate [m/s] that pass, however quiet the cameras
+are: a relabelled marker or a collision does more, a shaking airframe less."""
 
+_ARM = 0.1  # Length that angles are multiplied with, to be as positions [m].
 _AROUND = 0.06  # Time on either side of a contact that shows it [s].
 _STOPS = 0.25  # Part of its velocity that a body loses at least that touches something.
 _ENDS = 7  # Rows from whose parabola a run is extrapolated.
@@ -38,43 +39,32 @@ class Rows(NamedTuple):
     """Rows of a track, and how noisy they are."""
 
     time: np.ndarray  #: (n,) [s]
-    pose: np.ndarray  #: (n, 3)
-    noise: np.ndarray  #: (3,) standard deviations of x, z, pitch.
-
-
-class _End(NamedTuple):
-    """A run, extrapolated to some time."""
-
-    value: np.ndarray  #: Pose and its rate (2, 3).
-    variance: np.ndarray  #: Of both (2,) for noise 1.
-    reach: float  #: Time from the middle of the run [s].
+    pose: np.ndarray  #: (n, k) x, z [m], and angles [rad].
+    noise: np.ndarray  #: (k,) standard deviations.
 
 
 def fourth_differences(
     time: np.ndarray, pose: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Differences (n - 4, k) over the noise of a row, and mean steps (n - 4,) [s]."""
-    count = len(time) - _STENCIL + 1
-    if count <= 0:
+    if len(time) < _STENCIL:
         return np.empty((0, pose.shape[1])), np.empty(0)
-    first = np.arange(count)
-    window = first[:, None] + np.arange(_STENCIL)
-    own = time[window]
+    own = sliding_window_view(time, _STENCIL)
     step = np.ptp(own, axis=1) / (_STENCIL - 1)
-    lags = own[:, :, None] - own[:, None]
-    lags /= step[:, None, None]
-    lags += np.eye(_STENCIL)
-    weights = 1.0 / np.prod(lags, axis=2)
+    lags = (own[:, :, None] - own[:, None]) / step[:, None, None]
+    weights = 1.0 / np.prod(lags + np.eye(_STENCIL), axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     # Relative to the first row: far from the origin digits are few.
-    near = pose[window] - pose[first, None]
-    return np.einsum("ik,ikj->ij", weights, near), step
+    near = sliding_window_view(pose, _STENCIL, axis=0)
+    return np.einsum("ij,ikj->ik", weights, near - near[..., :1]), step
 
 
 def find_one_motion(
     track: Rows, usable: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Usable rows (n,) that stick out, are displaced, or come after a contact."""
+    arms = np.where(np.arange(len(track.noise)) < 2, 1.0, _ARM)
+    track = Rows(track.time, track.pose * arms, track.noise * arms)
     sticks_out = np.zeros(len(track.time), dtype=bool)
     rows = np.flatnonzero(usable)
     usual = np.median(np.diff(track.time))
@@ -161,16 +151,12 @@ def _sum_excess(track: Rows, rows: np.ndarray) -> float:
 
 def _find_longest_chain(track: Rows, runs: list[np.ndarray]) -> np.ndarray:
     """Rows of the runs with most rows that can follow one another in one motion."""
-    chains: list[tuple[np.ndarray, np.ndarray]] = []  # The longest with each last run.
-    none = np.empty(0, dtype=int)
-    best = none
-    long = [run for run in runs if len(run) >= _STENCIL]
-    for run in sorted(long, key=lambda run: int(run[0])):
-        before = [chain for chain, last in chains if _meet(track, last, run)]
-        chain = np.concatenate([max(before, key=len, default=none), run])
-        chains.append((chain, run))
-        if len(chain) > len(best):
-            best = chain
+    best = np.empty(0, dtype=int)
+    chains: list[np.ndarray] = []  # The longest with each last run, in order.
+    for run in sorted((run for run in runs if len(run) >= _STENCIL), key=min):
+        before = [chain for chain in chains if _meet(track, chain, run)]
+        chains.append(np.concatenate([max(before, key=len, default=best[:0]), run]))
+        best = max(best, chains[-1], key=len)
     return best
 
 
@@ -178,15 +164,8 @@ def _find_outlying_ends(track: Rows, rows: np.ndarray) -> np.ndarray:
     """First rows (k,), at most 3, that a parabola through the next ones misses."""
     for count in (3, 2, 1):
         inner = rows[count : count + _ENDS]
-        if len(inner) < _ENDS:
-            continue
-        last = rows[count - 1]
-        end = _extrapolate(track, inner, track.time[last])
-        distance = np.abs(track.pose[last] - end.value[0])
-        spread = np.sqrt(1.0 + end.variance[0]) * track.noise
-        forced = _JERK * end.reach**3 / 6.0
-        allowed = np.maximum(_THRESHOLD * spread + forced, _SMALL[0])
-        if np.any(distance > allowed):
+        own = rows[count - 1 : count]
+        if len(inner) == _ENDS and np.any(_jump(track, inner, own, own)[0] > 1.0):
             return rows[:count]
     return rows[:0]
 
@@ -217,7 +196,7 @@ def _find_contact(track: Rows, rows: np.ndarray) -> int:
     jump = fitted[:, 4]
     noise = np.max(track.noise[:2])
     spread = noise * np.linalg.norm(inverse[:, 4], axis=1)
-    surely = _SMALL[1, 0] + _THRESHOLD * spread
+    surely = _SMALL[1] + _THRESHOLD * spread
     stops = _STOPS * np.linalg.norm(velocity, axis=1)
     over = np.linalg.norm(jump, axis=1) / np.maximum(surely, stops)
     is_pushed = np.sum(jump * velocity, axis=1) > 0.0
@@ -232,26 +211,28 @@ def _find_contact(track: Rows, rows: np.ndarray) -> int:
 
 def _meet(track: Rows, left: np.ndarray, right: np.ndarray) -> bool:
     """Whether two runs, each extrapolated by a parabola, meet halfway."""
-    gap = track.time[[left[-1], right[0]]]
-    middle = float(np.mean(gap))
-    one = _extrapolate(track, left[-_ENDS:], middle)
-    other = _extrapolate(track, right[:_ENDS], middle)
-    spread = np.sqrt(one.variance + other.variance)
-    noise = _THRESHOLD * np.outer(spread, track.noise)
-    cubes = one.reach**3 + other.reach**3
-    squares = one.reach**2 + other.reach**2
-    forced = np.outer([cubes / 6.0, squares / 2.0], _JERK)
-    allowed = np.maximum(noise + forced, _SMALL)
-    jump = np.abs(one.value - other.value)
-    return bool(np.all(jump <= allowed))
+    between = np.array([left[-1], right[0]])
+    jump = _jump(track, left[-_ENDS:], right[:_ENDS], between)
+    return bool(np.all(jump <= 1.0))
 
 
-def _extrapolate(track: Rows, rows: np.ndarray, time: float) -> _End:
-    """A parabola through rows, at a time [s]."""
-    since = track.time[rows] - time
-    powers = since[:, None] ** np.arange(3)
-    inverse = np.linalg.pinv(powers)[:2]
-    value = inverse @ track.pose[rows]
-    variance = np.sum(inverse**2, axis=1)
-    reach = abs(float(np.mean(since)))
-    return _End(value, variance, reach)
+def _jump(
+    track: Rows, one: np.ndarray, other: np.ndarray, between: np.ndarray
+) -> np.ndarray:
+    """Jump of the pose and its rate from rows to others, over what may be (2, k).
+
+    Each is extrapolated by a parabola to the mean time of rows between them.
+    """
+    middle = np.mean(track.time[between])
+    values = []
+    variance = np.zeros(2)
+    forced = np.zeros((2, 1))
+    for rows in (one, other):
+        since = track.time[rows] - middle
+        inverse = np.linalg.pinv(since[:, None] ** np.arange(3))[:2]
+        values.append(inverse @ track.pose[rows])
+        variance += np.sum(inverse**2, axis=1)
+        reach = abs(np.mean(since))
+        forced += _JERK * np.array([[reach**3 / 6.0], [reach**2 / 2.0]])
+    noise = _THRESHOLD * np.outer(np.sqrt(variance), track.noise)
+    return np.abs(values[0] - values[1]) / np.maximum(noise + forced, _SMALL)
