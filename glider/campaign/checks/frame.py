@@ -16,6 +16,7 @@ undetermined, which `_CLEARLY` detects. The wrong sign of the pitch raises the m
 errors or more, and its rate correlates with the commands by 0.94.
 """
 
+import collections
 import math
 from collections.abc import Sequence
 
@@ -369,16 +370,14 @@ def _check_pitch(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
 
 def _join_other_angles(campaign: Campaign, motions: Motions) -> dict[str, np.ndarray]:
     """The other logged angles at the rows of the joined motions."""
-    angles: dict[str, list[np.ndarray]] = {}
+    angles = collections.defaultdict(list)
     for flight, motion in zip(campaign.flights, motions.each, strict=True):
-        logged = {}
+        logged = {"elevator": flight.elevator}
         if flight.attitude is not None:
-            logged = {"roll": flight.attitude[:, 1], "yaw": flight.attitude[:, 2]}
-        if flight.elevator is not None:
-            logged["elevator"] = flight.elevator
+            logged |= {"roll": flight.attitude[:, 1], "yaw": flight.attitude[:, 2]}
         for name, values in logged.items():
-            at = np.interp(motion.time, flight.time, values)
-            angles.setdefault(name, []).append(at)
+            if values is not None:
+                angles[name].append(np.interp(motion.time, flight.time, values))
     return {name: np.concatenate(parts) for name, parts in angles.items()}
 
 

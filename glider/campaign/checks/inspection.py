@@ -76,14 +76,13 @@ def _with_even_times(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     """Restores even steps of flights whose stamps jitter, and warns of them."""
     logs = [(flight.time, flight.pose[:, :2]) for flight in campaign.flights]
     found, words = find_even_times(logs, campaign.pose_rate)
-    flights = [*campaign.flights]
-    jitter = 0.0
-    for k, even in enumerate(found):
-        if even is not None:
-            flights[k] = dataclasses.replace(flights[k], time=even.at(flights[k].time))
-            jitter = max(jitter, even.jitter)
     if not words:
         return campaign, ()
+    flights = []
+    for flight, even in zip(campaign.flights, found, strict=True):
+        time = flight.time if even is None else even.at(flight.time)
+        flights.append(dataclasses.replace(flight, time=time))
+    jitter = max(0.0 if even is None else even.jitter for even in found)
     error = math.hypot(campaign.servo.clock_std, jitter)
     servo = dataclasses.replace(campaign.servo, clock_std=error)
     return dataclasses.replace(campaign, flights=tuple(flights), servo=servo), (words,)

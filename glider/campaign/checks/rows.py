@@ -54,6 +54,10 @@ and two of them at 50 Hz turn the elevator by 0.5 rad."""
 _BESIDE = 3  # Rows on each side of a gap that show how far the elevator turned in it.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
 _NEAR_STOP = 0.02  # An elevator this close to its stop may rest there [rad].
+_TURN = 1.0
+"""Angle by which an attitude jumps where markers are exchanged [rad]. Measured throws
+turn by 0.14 at most from row to row, noise included."""
+_TURNING = 30.0  # Rate by which a body may turn that far, in a longer step [rad/s].
 _HALF = 0.06  # Half of the time over which a glider must stay where it is [s].
 _PLACE = 0.008  # ... within this of its middle [m]; free fall from rest: 0.018.
 _SHORTEST = 0.06  # Rows that lie must last, at least [s].
@@ -91,7 +95,7 @@ def find_faults(campaign: Campaign) -> Inspection:
     passes.
     """
     flights = campaign.flights
-    scale = _measure_scale([(flight.time, _columns_of(flight)) for flight in flights])
+    scale = _measure_scale([(flight.time, flight.pose) for flight in flights])
     of_servos = _find_servo_faults(campaign)
     masks = {}
     excluded = []
@@ -202,25 +206,26 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
     """Faulty rows (n,) of the pose, by the reason."""
     time = flight.time
     pose = flight.pose
-    columns = _columns_of(flight)
     unknown = ~np.isfinite(pose).all(axis=1)
     frozen = find_repeats(pose, _EQUAL_POSES)
-    again = _find_held(time, columns, scale, 2) & ~frozen
+    again = _find_held(time, pose, scale, 2) & ~frozen
     for k in range(3):  # One column alone is frozen later than all.
         alone = _Scale(scale.noise[[k]], scale.digits[[k]])
         frozen |= _find_held(time, pose[:, [k]], alone, _EQUAL_NUMBERS)
     filled = find_filled(time, pose[:, :2]) & ~(again | frozen)
-    usable = ~(unknown | again | frozen | filled)
+    turned = _find_turned_over(flight)
+    usable = ~(unknown | again | frozen | filled | turned)
     standing = _find_standing(flight, usable)
     usable &= ~standing
-    own = _measure_noise(time[usable], columns[usable])
-    track = Rows(time, columns, np.clip(own, scale.noise, 3.0 * scale.noise))
+    own = _measure_noise(time[usable], pose[usable])
+    track = Rows(time, pose, np.clip(own, scale.noise, 3.0 * scale.noise))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
         "pose: is not a number": unknown,
         _AGAIN: again,
         "pose: does not change while the glider moves: frozen": frozen,
         f"pose: {FILLED}": filled,
+        "pose: its attitude jumps, as where markers are taken for others": turned,
         "pose: lies still, or is held": standing,
         "pose: departs from the motion around it": sticks_out,
         "pose: the track jumps and stays displaced": displaced,
@@ -228,16 +233,35 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
     }
 
 
-def _columns_of(flight: Flight) -> np.ndarray:
-    """What moves smoothly (n, 3 or 6): the pose, and how axes of the body point aside.
+def _find_turned_over(flight: Flight) -> np.ndarray:
+    """Rows (n,) between jumps of the attitude that no body can turn by.
 
-    The latter jump where markers are taken for others.
+    The longest stretch without a jump is right, and those that continue it.
     """
+    time = flight.time
+    turned = np.zeros(len(time), dtype=bool)
     if flight.attitude is None:
-        return flight.pose
+        return turned
     _, roll, yaw = flight.attitude.T
     axes = body_axes(flight.pose[:, 2], roll, yaw)
-    return np.column_stack([flight.pose, axes[:, 1]])
+    is_short = np.diff(time) < _TURN / _TURNING
+    is_jump = is_short & _is_jump(axes[:-1], axes[1:])
+    parts = np.split(np.arange(len(time)), np.flatnonzero(is_jump) + 1)
+    longest = int(np.argmax([len(part) for part in parts]))
+    earlier = [part[::-1] for part in parts[longest::-1]]
+    for side in (parts[longest:], earlier):
+        last = side[0][-1]
+        for part in side[1:]:
+            turned[part] = _is_jump(axes[last], axes[part[0]])
+            if not turned[part[0]]:
+                last = part[-1]
+    return turned
+
+
+def _is_jump(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Whether axes (..., 3, 3) are turned by more than `_TURN` from others."""
+    trace = np.sum(one * other, axis=(-2, -1))
+    return 0.5 * (trace - 1.0) < np.cos(_TURN)
 
 
 def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -258,11 +282,9 @@ def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> _Scale:
         fresh = np.isfinite(values).all(axis=1) & ~find_repeats(values, 2)
         noises.append(_measure_noise(time[fresh], values[fresh]))
         steps += [np.diff(values[fresh], order, axis=0) for order in (1, 2)]
-    sizes = np.abs(np.concatenate(steps))
-    sizes = np.round(sizes, _DECIMALS)
+    sizes = np.round(np.abs(np.concatenate(steps)), _DECIMALS)
     digits = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
-    noise = np.median(noises, axis=0)
-    return _Scale(noise, digits)
+    return _Scale(np.median(noises, axis=0), digits)
 
 
 def find_stale(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -278,18 +300,18 @@ def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
     """
     scale = _measure_scale([(time, position)])
     moves = np.isfinite(scale.digits)
-    is_fine = scale.noise > _LEAST_NOISE * scale.digits
+    noise = scale.noise[moves]
     is_filled = np.zeros(len(time), dtype=bool)
-    if len(time) < 3 or not moves.any() or not is_fine[moves].all():
+    is_fine = noise > _LEAST_NOISE * scale.digits[moves]
+    if len(time) < 3 or not moves.any() or not is_fine.all():
         return is_filled
     steps = np.diff(time)[:, None]
     slopes = np.diff(position[:, moves], axis=0) / steps
     bends = np.diff(slopes, axis=0) * np.minimum(steps[:-1], steps[1:])
-    is_straight = np.all(np.abs(bends) <= _STRAIGHT * scale.noise[moves], axis=1)
+    is_straight = np.all(np.abs(bends) <= _STRAIGHT * noise, axis=1)
     is_straight &= np.any(slopes[1:] != 0.0, axis=1)
     for first, last in stretches(is_straight):
-        if last - first + 1 >= _FEWEST_FILLED:
-            is_filled[first + 1 : last + 2] = True
+        is_filled[first + 1 : last + 2] = last - first + 1 >= _FEWEST_FILLED
     return is_filled
 
 
@@ -317,19 +339,15 @@ def _moves_on(time: np.ndarray, rows: slice, values: np.ndarray) -> np.ndarray:
 
     By the larger slope beside them, and at most by what they catch up.
     """
-    begin = rows.start - 1
-    caught_up = np.abs(values[rows.stop : rows.stop + 1] - values[begin])
+    last = rows.start - 1
+    duration = time[rows.stop - 1] - time[last]
+    caught_up = np.abs(values[rows.stop : rows.stop + 1] - values[last])
     moved = np.zeros(values.shape[1])
-    for beside in (
-        slice(max(begin - _REACH, 0), rows.start),
-        slice(rows.stop, rows.stop + _REACH - 1),
-    ):
-        own = time[beside]
-        if len(own) >= 4:
-            powers = np.vander(own - own[0], 2)
-            slopes = np.linalg.lstsq(powers, values[beside], rcond=None)[0][0]
-            moved = np.fmax(moved, np.abs(slopes))
-    moved *= time[rows.stop - 1] - time[begin]
+    for beside in ([last - _REACH, last], [rows.stop, rows.stop + _REACH - 2]):
+        first, end = np.clip(beside, 0, len(time) - 1)
+        if end - first > 2:
+            slopes = np.abs(values[end] - values[first]) / (time[end] - time[first])
+            moved = np.fmax(moved, slopes * duration)
     return np.min([moved, *caught_up], axis=0)
 
 
@@ -371,8 +389,6 @@ def _find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
     """Rows (n,) that lie still or slide until they do, before the throw or landed."""
     standing = np.zeros(len(usable), dtype=bool)
     rows = np.flatnonzero(usable)
-    if len(rows) < 3:
-        return standing
     time = flight.time[rows]
     place = flight.pose[rows, :2]
     first = np.searchsorted(time, time - _HALF - 1e-9)
@@ -381,18 +397,16 @@ def _find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
     is_still = time[last] - time[first] > 0.75 * _HALF
     for ends in (first, last):
         is_still &= np.linalg.norm(place[ends] - place, axis=1) <= _PLACE
-    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
-    way = np.append(0.0, np.cumsum(steps))
+    steps = np.linalg.norm(np.diff(place, axis=0, prepend=place[:1]), axis=1)
+    way = np.cumsum(steps)
     for begin, end in stretches(is_still):
         if time[end] - time[begin] < _SHORTEST:
             continue
         if way[begin] < 0.5 * way[-1]:
             standing[: rows[end] + 1] = True
         else:
-            ground = np.median(place[begin : end + 1, 1])
-            height = np.abs(place[:begin, 1] - ground)
-            flies = np.flatnonzero(height >= _SLIDE)
-            lands = flies[-1] + 1 if len(flies) else 0
+            height = np.abs(place[:, 1] - np.median(place[begin : end + 1, 1]))
+            lands = np.max(np.flatnonzero(height[:begin] >= _SLIDE), initial=-1) + 1
             standing[rows[lands] :] = True
     return standing
 
@@ -412,11 +426,9 @@ def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.n
         return held
     speed = np.maximum(motion.speed, 1e-3)
     force = motion.acceleration[:, :2] + [0.0, gravity or 0.0]
-    power = np.sum(force * motion.velocity[:, :2], axis=1)
-    along = power / speed
-    middle = time[0] + _LATER * (time[-1] - time[0])
-    usual = float(np.median(along[time >= middle]))
-    usual = max(usual, 0.0)
+    along = np.sum(force * motion.velocity[:, :2], axis=1) / speed
+    is_late = time >= time[0] + _LATER * np.ptp(time)
+    usual = max(float(np.median(along[is_late])), 0.0)
     least = _THROW if gravity is None and speed[0] > _REST else _HAND
     lets_go = along - usual <= least
     free = int(np.argmax(lets_go))

@@ -48,7 +48,7 @@ _MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
 _TRIED = slice(-0.02, 0.355, 0.03), slice(0.003, 0.4, 0.04)
 """Delays and lags that are tried for the gain [s]: command_delay and servo_lag are less
 than 0.3 s."""
-_ENOUGH = 20  # Flights that show a gain, about.
+_FEW = 8  # Flights that show a delay and a lag, about.
 _LONGEST_LAG = 0.36  # Lag above which the gain of a servo is unknown [s].
 _TRAVEL = (0.06, 0.2)
 """Share by which the travel may be off; calibrated by bench_travel."""
@@ -305,24 +305,24 @@ def _calc_travel(
     flights scatter by; it is infinite if the lag is too long.
     """
     shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
-    shown = shown[:: max(1, len(shown) // _ENOUGH)]
     if not shown:
         return 0.0, math.inf
-    angles = [each.angle - np.mean(each.angle) for each in shown]
-    angle = np.concatenate(angles)
+    few = shown[:: max(1, len(shown) // _FEW)]
 
-    def fit(late: np.ndarray, own: Servo) -> tuple[float, float]:
+    def fit(late: np.ndarray, own: Servo, few: list[Elevator]) -> tuple[float, float]:
         """Squares that are left [rad²], and the gain."""
         servo = LateServo(own, float(late[0]), abs(float(late[1])))
-        paths = [each.follow(each.seen, servo) for each in shown]
-        path = np.concatenate([each - np.mean(each) for each in paths])
+        angles = [each.angle - np.mean(each.angle) for each in few]
+        paths = [each.follow(each.seen, servo) for each in few]
+        angle = np.concatenate(angles)
+        path = np.concatenate([path - np.mean(path) for path in paths])
         gain = float(angle @ path) / max(float(path @ path), 1e-30)
         return float(np.sum((angle - gain * path) ** 2)), abs(gain)
 
     fits = []
-    for own in (limits, NO_LIMITS, _reached(shown)):
-        late = brute(lambda late, own: fit(late, own)[0], _TRIED, (own,))
-        fits.append((*fit(late, own), abs(late[1])))
+    for own in (limits, NO_LIMITS, _reached(few)):
+        late = brute(lambda *given: fit(*given)[0], _TRIED, (own, few))
+        fits.append((*fit(late, own, shown), abs(late[1])))
     excuse = fits.pop()
     best = min(fits)
     if abs(excuse[1] - 1.0) < abs(best[1] - 1.0):

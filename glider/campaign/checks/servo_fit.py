@@ -185,8 +185,8 @@ def _logged_step(fit: Fit) -> float:
     if len(levels) < _FEWEST_LEVELS:
         return 0.0
     step = float(np.min(np.diff(levels)))
-    is_rounded = np.allclose(levels / step, np.round(levels / step), atol=0.01)
-    return step if is_rounded and step > least_step(fit) else 0.0
+    off = np.abs(levels / step - np.round(levels / step))
+    return step if np.max(off) < 0.01 and step > least_step(fit) else 0.0
 
 
 def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str, ...]]:

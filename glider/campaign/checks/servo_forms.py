@@ -92,18 +92,13 @@ def find_rest(elevator: Elevator, servo: LateServo) -> float:
     return rest + float(np.median((elevator.angle - path)[free]))
 
 
-def errors_of(elevator: Elevator, servo: LateServo) -> np.ndarray:
-    """Measured minus expected angles (m,) [rad]."""
-    rest = find_rest(elevator, servo)
-    return elevator.angle - elevator.follow(elevator.seen, servo, rest)
-
-
 def _lasting_errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
-    """The same without what a lag makes of a late first command (m,) [rad].
+    """Measured minus expected angles (m,) without what passes or never changes [rad].
 
-    That is a constant and what fades with the lag.
+    That is a constant, and what a lag makes of a late first command: it fades with it.
     """
-    error = errors_of(elevator, servo)
+    rest = find_rest(elevator, servo)
+    error = elevator.angle - elevator.follow(elevator.seen, servo, rest)
     since = elevator.seen - elevator.tape.switches[0]
     fading = np.exp(-since / max(servo.lag, _SHORTEST_LAG))
     columns = np.stack([np.ones(len(since)), fading], axis=1)

@@ -124,18 +124,14 @@ def _explain(track: Rows, run: np.ndarray, worst: int) -> tuple[int, int]:
     least = np.inf
     best = (worst, 1)
     for count in (1, 0, 2, 3):
-        for at in range(worst, worst + _STENCIL):
+        for at in range(max(worst, 1 - count), worst + _STENCIL):
             left = run[first:at]
             right = run[at + count : last]
-            if count == 0 and at == 0:
-                continue
-            if count == 0:
-                over = _sum_excess(track, left) + _sum_excess(track, right)
-            else:
-                over = _sum_excess(track, np.concatenate([left, right]))
-                is_long = min(len(left), len(right)) >= _STENCIL
-                if over == 0.0 and is_long and not _meet(track, left, right):
-                    over = 1e-3  # One row is a part of a jump.
+            pieces = [np.concatenate([left, right])] if count else [left, right]
+            over = sum(_sum_excess(track, piece) for piece in pieces)
+            is_long = min(len(left), len(right)) >= _STENCIL
+            if count and over == 0.0 and is_long and not _meet(track, left, right):
+                over = 1e-3  # One row is a part of a jump.
             if over < least:
                 least = over
                 best = (at, count)
@@ -186,16 +182,14 @@ def _find_contact(track: Rows, rows: np.ndarray) -> int:
     last = np.arange(half - 1, len(time) - 2)
     first = np.minimum(last - half + 1, len(time) - 2 * half)
     window = first[:, None] + np.arange(2 * half)
-    middle = 0.5 * (time[last] + time[last + 1])
-    since = time[window] - middle[:, None]
+    since = time[window] - 0.5 * (time[last] + time[last + 1])[:, None]
     after = (since > 0.0).astype(float)
     powers = [np.ones_like(since), since, since**2, after, after * since]
     inverse = np.linalg.pinv(np.stack(powers, axis=2))
     fitted = inverse @ (place[window] - place[last][:, None])
     velocity = fitted[:, 1]
     jump = fitted[:, 4]
-    noise = np.max(track.noise[:2])
-    spread = noise * np.linalg.norm(inverse[:, 4], axis=1)
+    spread = np.max(track.noise[:2]) * np.linalg.norm(inverse[:, 4], axis=1)
     surely = _SMALL[1] + _THRESHOLD * spread
     stops = _STOPS * np.linalg.norm(velocity, axis=1)
     over = np.linalg.norm(jump, axis=1) / np.maximum(surely, stops)
@@ -205,8 +199,7 @@ def _find_contact(track: Rows, rows: np.ndarray) -> int:
     begin = int(np.argmax(over > 1.0))
     if over[begin] <= 1.0:
         return len(time)
-    largest = np.argmax(over[begin : begin + half])
-    return int(last[begin + largest])
+    return int(last[begin + np.argmax(over[begin : begin + half])])
 
 
 def _meet(track: Rows, left: np.ndarray, right: np.ndarray) -> bool:

@@ -5,6 +5,7 @@ A computer that stamps poses on receipt stamps them late, by another delay each;
 fourth differences of the position are smaller.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -87,12 +88,10 @@ def _even_times_of(
 ) -> _EvenTimes | None:
     shown = np.isfinite(position).all(axis=1) & ~find_repeats(position, 2)
     shown[shown] = ~find_filled(time[shown], position[shown])
-    if np.sum(shown) < _FEWEST:
-        return None
     stamps = time[shown]
     place = position[shown]
-    place = place[:, np.ptp(place, axis=0) > 0.0]
-    if not place.size:
+    place = place[:, np.any(place != place[:1], axis=0)]
+    if len(stamps) < _FEWEST or not place.size:
         return None
     even = stamps.copy()
     gain = 0.0
@@ -126,7 +125,9 @@ def _restore(
     None where frames were lost and the motion does not show it. The clock has the rate
     of the cameras [Hz], if it is about that.
     """
-    step = _find_step(stamps, ticks)
+    half = min(len(stamps), _LONG) // 2  # Of a flight, or of a long recording's parts.
+    duration = stamps[half:] - stamps[:-half]
+    step = float(np.median(duration / (ticks[half:] - ticks[:-half])))
     jitter = robust_std(np.diff(stamps - step * ticks)) / math.sqrt(2.0)
     off = max(_SAME_RATE, float(_SURELY * jitter / np.ptp(stamps)))
     if rate is not None and abs(step * rate - 1.0) < off:
@@ -154,13 +155,6 @@ def _split_at_gaps(time: np.ndarray) -> list[np.ndarray]:
     return np.split(rows, gaps)
 
 
-def _find_step(time: np.ndarray, ticks: np.ndarray) -> float:
-    """Usual step of a clock over half of a flight, or of a long recording's parts."""
-    half = min(len(time), _LONG) // 2
-    duration = time[half:] - time[:-half]
-    return float(np.median(duration / (ticks[half:] - ticks[:-half])))
-
-
 def _find_lost(position: np.ndarray) -> np.ndarray:
     """Numbers (n,) of frames lost so far: a moving body jumps by their way."""
     rows = np.arange(len(position), dtype=float)
@@ -185,20 +179,15 @@ def _explain(ticks: np.ndarray, position: np.ndarray, worst: int) -> tuple[int, 
     """The row before which frames were lost about a stencil, and how many; 0: none."""
     around = slice(max(worst - _STENCIL, 0), worst + 2 * _STENCIL)
     own = ticks[around]
-    least = _EXPLAINED * _energy(own, position[around])
-    best = (worst, 0)
-    for row in range(worst + 1, worst + _STENCIL):
-        for count in range(1, _MOST_LOST + 1):
-            energy = _energy(own + count * (own >= ticks[row]), position[around])
-            if energy < least:
-                least = energy
-                best = (row, count)
-    return best
 
+    def energy(row: int, count: int) -> float:
+        later = own + count * (own >= ticks[row])
+        return float(np.sum(fourth_differences(later, position[around])[0] ** 2))
 
-def _energy(ticks: np.ndarray, position: np.ndarray) -> float:
-    differences, _ = fourth_differences(ticks, position)
-    return float(np.sum(differences**2))
+    rows = range(worst + 1, worst + _STENCIL)
+    pairs = itertools.product(rows, range(1, _MOST_LOST + 1))
+    least, row, count = min((energy(*pair), *pair) for pair in pairs)
+    return (row, count) if least < _EXPLAINED * energy(worst, 0) else (worst, 0)
 
 
 def _noise(time: np.ndarray, position: np.ndarray) -> np.ndarray:
