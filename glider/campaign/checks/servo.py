@@ -45,7 +45,7 @@ commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
 _MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
 
-_TRIED = slice(-0.02, 0.355, 0.03), slice(0.003, 0.4, 0.04)
+_TRIED = slice(-0.02, 0.355, 0.02), slice(0.003, 0.4, 0.06)
 """Delays and lags that are tried for the gain [s]: command_delay and servo_lag are less
 than 0.3 s."""
 _FEW = 8  # Flights that show a delay and a lag, about.
@@ -155,27 +155,17 @@ class Elevator(NamedTuple):
         return path
 
 
-def measure_elevators(
-    campaign: Campaign, masks: Mapping[str, Masks], *, at_rows: bool = True
-) -> list[Elevator]:
-    """Elevators of a campaign's flights; none without a servo.
-
-    Commands begin at the rows that show them first, or where a clock gave them.
-    """
+def measure_elevators(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
+    """Elevators of a campaign's flights; none without a servo."""
     elevators = []
     for flight in campaign.flights if campaign.elevator == "servo" else ():
-        assert flight.elevator is not None and flight.command is not None
+        assert flight.elevator is not None
         mask = masks_of(flight, masks)
         piece = slice(mask.first, mask.last)
-        time = flight.time[piece]
         rows = np.flatnonzero(~mask.elevator[piece])
         angle = flight.elevator[piece][rows]
-        if at_rows:
-            rest = float(angle[0]) if len(angle) else 0.0
-            tape = CommandTape(time, flight.command[piece], rest)
-        else:
-            tape = command_tape(flight, mask, campaign.switch_rate)
-        elevators.append(Elevator(flight.name, time, rows, angle, tape))
+        tape = command_tape(flight, mask, campaign.switch_rate)
+        elevators.append(Elevator(flight.name, flight.time[piece], rows, angle, tape))
     return elevators
 
 

@@ -114,7 +114,7 @@ def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> fl
 
 def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
     """Elevators of flights with enough rows, behind commands by their clock."""
-    elevators = measure_elevators(campaign, masks, at_rows=False)
+    elevators = measure_elevators(campaign, masks)
     return [each for each in elevators if len(each.rows) >= _FEWEST_ROWS]
 
 
@@ -226,11 +226,11 @@ def _with_departures(
         seen = each.seen
         rests[name] = rest = find_rest(each, uneven.servo)
         known = np.clip(times[name], seen[0], seen[-1])
-        [smoothed, at_rows] = [
+        [smoothed, own] = [
             smoothing_maps(seen, query, found.ratio, ORDER)[0]
             for query in (known, seen)
         ]
-        shares.append(np.mean(at_rows.diagonal()))
+        shares.append(np.mean(own.diagonal()))
         curves[name] = (
             smoothed @ (each.angle - each.follow(seen, uneven.servo, rest))
             + each.follow(times[name], uneven.servo, rest)

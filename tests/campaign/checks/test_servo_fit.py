@@ -216,7 +216,7 @@ def test_a_servo_that_weakens_under_load_is_named(campaign, number):
         return Elevator("", time, rows, time, tape, next(loads)).follow(time, servo)
 
     for _ in range(4):  # The load is that of the elevator as it turns.
-        elevators = measure_elevators(own, {}, at_rows=False)
+        elevators = measure_elevators(own, {})
         loads = iter([each.load for each in with_loads(own, {}, elevators)])
         own, _ = moved(campaign, path)
     _, [sentence] = identify_servo(own, {})
