@@ -357,9 +357,9 @@ def _fall_columns(motion: Motion, wind: np.ndarray) -> list[np.ndarray]:
     air = motion.velocity[:, :2] - wind
     speed = np.maximum(np.linalg.norm(air, axis=1, keepdims=True), 1e-3)
     across = np.sum(air * normal, axis=1)[:, None] / speed
-    stalling = [
-        factor * flow for factor in (np.abs(across), across**2) for flow in columns[:2]
-    ]
+    lift, along, *_ = columns  # By the normal flow.
+    stalling = [np.abs(across) * lift, np.abs(across) * along]
+    stalling += [across**2 * lift, across * along]
     turning = motion.velocity[:, 2:] * speed
-    quicker = (speed / np.mean(speed) - 1.0) * columns[0]
+    quicker = (speed / np.mean(speed) - 1.0) * lift
     return [*columns, *stalling, turning * normal, turning * body, quicker]

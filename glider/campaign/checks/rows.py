@@ -5,6 +5,7 @@ it is: from rest it falls 18 mm in 60 ms. Air takes energy from a glider: what
 accelerates it along its path is a hand. Rows are excluded, never corrected.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,11 +21,10 @@ from glider.campaign.checks.masks import (
 )
 from glider.campaign.checks.motion import calc_motion, robust_std
 from glider.campaign.checks.planarity import body_axes
-from glider.campaign.checks.servo import measure_elevators
+from glider.campaign.checks.servo import LateServo, measure_elevators
 from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
-from glider.compiled.actuators import elevator_path
-from glider.physics.held_commands import command_steps, hides_command
+from glider.physics.held_commands import hides_command
 
 _AGAIN = "repeat the pose before while the glider moves"
 FILLED = "on a straight line without noise: filled, not measured"
@@ -186,10 +186,10 @@ def _pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
         rate = campaign.switch_rate
         hides = hides_command(time, command, rate) & (steps > _LOST * usual)
         if hides.any():
-            tape = command_steps(time, command, rate, flight.command_time)
-            begin = float(flight.elevator[0])
-            ordered = elevator_path(*tape, time, campaign.limits, start=begin)
-            apart = np.pad(flight.elevator - ordered, _BESIDE, mode="edge")
+            alone = dataclasses.replace(campaign, flights=(flight,))
+            [each] = measure_elevators(alone, {})
+            ordered = each.follow(time, LateServo(campaign.limits))
+            apart = np.pad(each.angle - ordered, _BESIDE, mode="edge")
             rows = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE)
             level = np.median(rows, axis=1)  # Of which one may be wrong.
             turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
