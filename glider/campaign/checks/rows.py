@@ -6,6 +6,7 @@ accelerates it along its path is a hand. Rows are excluded, never corrected.
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ from glider.campaign.checks.servo import LateServo, measure_elevators
 from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.held_commands import hides_command
+from glider.physics.servo import Servo
 
 _AGAIN = "repeat the pose before while the glider moves"
 FILLED = "on a straight line without noise: filled, not measured"
@@ -45,7 +47,6 @@ _FEWEST_NOISES = 50  # Fourth differences from which noise is measured, at least
 _DECIMALS = 9  # Of m and rad, that a log may have: beyond is rounding.
 _QUANTA = 5.0  # Digits of the log by which it should have.
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
-_REACH = 6  # Rows beside a frozen stretch from which its slope is taken.
 _LONG_STEP = 3.0  # Median steps above which a step is reported as a gap.
 _LOST = 1.5  # The same above which rows are lost.
 _UNCOMMANDED = 0.05
@@ -53,7 +54,6 @@ _UNCOMMANDED = 0.05
 and two of them at 50 Hz turn the elevator by 0.5 rad."""
 _BESIDE = 3  # Rows on each side of a gap that show how far the elevator turned in it.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
-_NEAR_STOP = 0.02  # An elevator this close to its stop may rest there [rad].
 _TURN = 1.0
 """Angle by which an attitude jumps where markers are exchanged [rad]. Measured throws
 turn by 0.14 at most from row to row, noise included."""
@@ -208,10 +208,10 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
     pose = flight.pose
     unknown = ~np.isfinite(pose).all(axis=1)
     frozen = find_repeats(pose, _EQUAL_POSES)
-    again = _find_held(time, pose, scale, 2) & ~frozen
+    again = _find_held(pose, scale, 2) & ~frozen
     for k in range(3):  # One column alone is frozen later than all.
         alone = _Scale(scale.noise[[k]], scale.digits[[k]])
-        frozen |= _find_held(time, pose[:, [k]], alone, _EQUAL_NUMBERS)
+        frozen |= _find_held(pose[:, [k]], alone, _EQUAL_NUMBERS)
     filled = find_filled(time, pose[:, :2]) & ~(again | frozen)
     turned = _find_turned_over(flight)
     usable = ~(unknown | again | frozen | filled | turned)
@@ -234,34 +234,24 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
 
 
 def _find_turned_over(flight: Flight) -> np.ndarray:
-    """Rows (n,) between jumps of the attitude that no body can turn by.
+    """Rows (n,) between jumps of the axis to the left that no body can turn by.
 
-    The longest stretch without a jump is right, and those that continue it.
+    The longest stretch without a jump is right, and those with about its axis. (Where
+    markers are exchanged so that the axis stays, the pitch jumps.)
     """
     time = flight.time
     turned = np.zeros(len(time), dtype=bool)
     if flight.attitude is None:
         return turned
     _, roll, yaw = flight.attitude.T
-    axes = body_axes(flight.pose[:, 2], roll, yaw)
-    is_short = np.diff(time) < _TURN / _TURNING
-    is_jump = is_short & _is_jump(axes[:-1], axes[1:])
+    left = body_axes(flight.pose[:, 2], roll, yaw)[:, :, 1]
+    is_jump = np.sum(left[:-1] * left[1:], axis=1) < np.cos(_TURN)
+    is_jump &= np.diff(time) < _TURN / _TURNING
     parts = np.split(np.arange(len(time)), np.flatnonzero(is_jump) + 1)
-    longest = int(np.argmax([len(part) for part in parts]))
-    earlier = [part[::-1] for part in parts[longest::-1]]
-    for side in (parts[longest:], earlier):
-        last = side[0][-1]
-        for part in side[1:]:
-            turned[part] = _is_jump(axes[last], axes[part[0]])
-            if not turned[part[0]]:
-                last = part[-1]
+    usual = np.mean(left[max(parts, key=len)], axis=0)
+    for part in parts:
+        turned[part] = np.mean(left[part] @ usual) < np.cos(_TURN)
     return turned
-
-
-def _is_jump(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Whether axes (..., 3, 3) are turned by more than `_TURN` from others."""
-    trace = np.sum(one * other, axis=(-2, -1))
-    return 0.5 * (trace - 1.0) < np.cos(_TURN)
 
 
 def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -289,7 +279,7 @@ def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> _Scale:
 
 def find_stale(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Rows (n,) of a recording (n, k) that repeat the one before, but move on."""
-    return _find_held(time, values, _measure_scale([(time, values)]), 2)
+    return _find_held(values, _measure_scale([(time, values)]), 2)
 
 
 def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -315,40 +305,21 @@ def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
     return is_filled
 
 
-def _find_held(
-    time: np.ndarray, values: np.ndarray, scale: _Scale, least: int
-) -> np.ndarray:
+def _find_held(values: np.ndarray, scale: _Scale, least: int) -> np.ndarray:
     """Rows (n,) that repeat the one before, of `least` equal ones, though a body moves.
 
     A camera that measures again measures another number, but for its last digit and
-    noise: equal rows of a body that moves by several of these are the last pose, sent
-    again. A slow body, in coarse digits, repeats what was measured. One column must
-    have been about to move; or all are noisier than their digits by so much that many
-    equal numbers cannot be.
+    noise: equal rows of a body that then moves on by several of these are the last
+    pose, sent again. A slow body, in coarse digits, repeats what was measured. Or all
+    columns are noisier than their digits by so much that many equal numbers cannot be.
     """
-    held = np.zeros(len(time), dtype=bool)
+    held = np.zeros(len(values), dtype=bool)
     is_noisy = least >= _EQUAL_NUMBERS and np.all(scale.noise > _NOISY * scale.digits)
     for first, last in stretches(find_repeats(values, least)):
-        rows = slice(first, last + 1)
-        held[rows] = is_noisy or np.any(_moves_on(time, rows, values) > scale.least)
+        beside = last + 1 if last + 1 < len(values) else first - 2
+        moved = np.abs(values[beside] - values[last])
+        held[first : last + 1] = is_noisy or np.any(moved > scale.least)
     return held
-
-
-def _moves_on(time: np.ndarray, rows: slice, values: np.ndarray) -> np.ndarray:
-    """By how much columns (n, k) should move in rows that repeat the one before, (k,).
-
-    By the larger slope beside them, and at most by what they catch up.
-    """
-    last = rows.start - 1
-    duration = time[rows.stop - 1] - time[last]
-    caught_up = np.abs(values[rows.stop : rows.stop + 1] - values[last])
-    moved = np.zeros(values.shape[1])
-    for beside in ([last - _REACH, last], [rows.stop, rows.stop + _REACH - 2]):
-        first, end = np.clip(beside, 0, len(time) - 1)
-        if end - first > 2:
-            slopes = np.abs(values[end] - values[first]) / (time[end] - time[first])
-            moved = np.fmax(moved, slopes * duration)
-    return np.min([moved, *caught_up], axis=0)
 
 
 def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
@@ -357,7 +328,8 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
     if not elevators:
         return {}
     angles = np.concatenate([elevator.angle for elevator in elevators])
-    stops = campaign.elevator_limits or (np.min(angles), np.max(angles))
+    low, high = campaign.elevator_limits or (np.min(angles), np.max(angles))
+    servo = LateServo(Servo(float(low), float(high), math.inf))
     noises = [_measure_noise(each.seen, each.angle[:, None]) for each in elevators]
     surely = _SURELY * float(np.median(noises))
     faults = {}
@@ -371,12 +343,10 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
         turn = rate * np.minimum(steps[:-1], steps[1:])
         sticks_out = np.pad(apart > np.sqrt(2.0) * surely + turn, 1)
         frozen = np.zeros(len(angle), dtype=bool)
-        ordered = elevator.follow(elevator.seen)
+        ordered = elevator.follow(elevator.seen, servo)
         for first, last in stretches(find_repeats(angle[:, None], _EQUAL_NUMBERS)):
             moved = np.ptp(ordered[first - 1 : last + 1])
-            from_stop = np.min(np.abs(np.abs(stops) - abs(angle[first])))
-            moves_on = moved > max(_MIN_COMMANDED, surely) and from_stop >= _NEAR_STOP
-            frozen[first : last + 1] = moves_on
+            frozen[first : last + 1] = moved > max(_MIN_COMMANDED, surely)
         faults[elevator.name] = {
             "elevator: departs from the motion around it": sticks_out,
             "elevator: does not change while commands move it: frozen": frozen

@@ -16,17 +16,17 @@ _THRESHOLD = 6.0
 Gaussian noise passes it in 2e-9 of differences, 6e-9 of rows: the largest of all 68,000
 rows of simulated logs is 4.3. See `_FLOOR` for what a true motion adds."""
 
-_FLOOR = 20.0
-"""Largest step of a true acceleration between two rows [m/s²], tenfold of angles: a
-step of the elevator's rate makes 8 and 60 on the notebooks' glider at 8 m/s."""
+_FLOOR = np.array([20.0, 20.0, 200.0])
+"""Largest step of a true acceleration between two rows [m/s², m/s², rad/s²]: a step of
+the elevator's rate makes 8 and 60 on the notebooks' glider at 8 m/s."""
 
-_JERK = 300.0  # Largest third derivative over a gap of a true motion [m/s³], so too.
+_JERK = np.array([300.0, 300.0, 3000.0])
+"""Largest third derivative over a gap of a true motion [m/s³, m/s³, rad/s³]."""
 
-_SMALL = np.array([[0.004], [0.3]])
-"""Jumps of a position [m] and of its rate [m/s] that pass, however quiet the cameras
-are: a relabelled marker or a collision does more, a shaking airframe less."""
+_SMALL = np.array([[0.004, 0.004, 0.04], [0.3, 0.3, 2.0]])
+"""Jumps of pose [m, m, rad] and of its rate [.../s] that pass, however quiet the
+cameras are: a relabelled marker or a collision does more, a shaking airframe less."""
 
-_ARM = 0.1  # Length that angles are multiplied with, to be as positions [m].
 _AROUND = 0.06  # Time on either side of a contact that shows it [s].
 _STOPS = 0.25  # Part of its velocity that a body loses at least that touches something.
 _ENDS = 7  # Rows from whose parabola a run is extrapolated.
@@ -39,8 +39,8 @@ class Rows(NamedTuple):
     """Rows of a track, and how noisy they are."""
 
     time: np.ndarray  #: (n,) [s]
-    pose: np.ndarray  #: (n, k) x, z [m], and angles [rad].
-    noise: np.ndarray  #: (k,) standard deviations.
+    pose: np.ndarray  #: (n, 3)
+    noise: np.ndarray  #: (3,) standard deviations of x, z, pitch.
 
 
 def fourth_differences(
@@ -63,8 +63,6 @@ def find_one_motion(
     track: Rows, usable: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Usable rows (n,) that stick out, are displaced, or come after a contact."""
-    arms = np.where(np.arange(len(track.noise)) < 2, 1.0, _ARM)
-    track = Rows(track.time, track.pose * arms, track.noise * arms)
     sticks_out = np.zeros(len(track.time), dtype=bool)
     rows = np.flatnonzero(usable)
     usual = np.median(np.diff(track.time))
@@ -190,7 +188,7 @@ def _find_contact(track: Rows, rows: np.ndarray) -> int:
     velocity = fitted[:, 1]
     jump = fitted[:, 4]
     spread = np.max(track.noise[:2]) * np.linalg.norm(inverse[:, 4], axis=1)
-    surely = _SMALL[1] + _THRESHOLD * spread
+    surely = _SMALL[1, 0] + _THRESHOLD * spread
     stops = _STOPS * np.linalg.norm(velocity, axis=1)
     over = np.linalg.norm(jump, axis=1) / np.maximum(surely, stops)
     is_pushed = np.sum(jump * velocity, axis=1) > 0.0
@@ -212,20 +210,20 @@ def _meet(track: Rows, left: np.ndarray, right: np.ndarray) -> bool:
 def _jump(
     track: Rows, one: np.ndarray, other: np.ndarray, between: np.ndarray
 ) -> np.ndarray:
-    """Jump of the pose and its rate from rows to others, over what may be (2, k).
+    """Jump of the pose and its rate from rows to others, over what may be (2, 3).
 
     Each is extrapolated by a parabola to the mean time of rows between them.
     """
     middle = np.mean(track.time[between])
     values = []
     variance = np.zeros(2)
-    forced = np.zeros((2, 1))
+    forced = np.zeros((2, 3))
     for rows in (one, other):
         since = track.time[rows] - middle
         inverse = np.linalg.pinv(since[:, None] ** np.arange(3))[:2]
         values.append(inverse @ track.pose[rows])
         variance += np.sum(inverse**2, axis=1)
         reach = abs(np.mean(since))
-        forced += _JERK * np.array([[reach**3 / 6.0], [reach**2 / 2.0]])
+        forced += np.outer([reach**3 / 6.0, reach**2 / 2.0], _JERK)
     noise = _THRESHOLD * np.outer(np.sqrt(variance), track.noise)
     return np.abs(values[0] - values[1]) / np.maximum(noise + forced, _SMALL)
