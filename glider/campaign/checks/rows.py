@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from glider.campaign.checks.masks import (
     ExcludedRows,
@@ -176,30 +177,33 @@ def _pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
     what no command says, and more than anywhere else: there a servo lags, or stops.
     """
     time = flight.time
-    command = flight.command
-    if command is None:
-        return np.zeros(len(time), dtype=int)
     steps = np.diff(time)
-    usual = float(np.median(steps))
-    is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * usual)
-    if flight.elevator is not None:
-        rate = campaign.switch_rate
-        hides = hides_command(time, command, rate) & (steps > _LOST * usual)
-        if hides.any():
-            alone = dataclasses.replace(campaign, flights=(flight,))
-            [each] = measure_elevators(alone, {})
-            ordered = each.follow(time, LateServo(campaign.limits))
-            apart = np.pad(each.angle - ordered, _BESIDE, mode="edge")
-            rows = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE)
-            level = np.median(rows, axis=1)  # Of which one may be wrong.
-            turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
-            turned = np.abs(turned - np.median(turned))
-            beside = np.ones(2 * _BESIDE + 1)
-            is_near = np.convolve(hides, beside, "same") > 0.0
-            elsewhere = np.max(turned, where=~is_near, initial=0.0)
-            least = max(_SURELY * float(robust_std(turned)), elsewhere)
-            is_gap |= hides & (turned > least)
+    is_gap = np.zeros(len(steps), dtype=bool)
+    if flight.command is not None:
+        usual = float(np.median(steps))
+        is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * usual)
+        hides = hides_command(time, flight.command, campaign.switch_rate)
+        hides &= steps > _LOST * usual
+        if hides.any() and flight.elevator is not None:
+            is_gap |= hides & _turns_unknown(flight, campaign, hides)
     return np.concatenate([[0], np.cumsum(is_gap)])
+
+
+def _turns_unknown(flight: Flight, campaign: Campaign, hides: np.ndarray) -> np.ndarray:
+    """Steps (n - 1,) in which an elevator turns beside its commands, surely so.
+
+    By more than in any that is not near one that hides commands.
+    """
+    alone = dataclasses.replace(campaign, flights=(flight,))
+    [each] = measure_elevators(alone, {})
+    apart = each.angle - each.follow(flight.time, LateServo(campaign.limits))
+    rows = sliding_window_view(np.pad(apart, _BESIDE, mode="edge"), _BESIDE)
+    level = np.median(rows, axis=1)  # Of which one may be wrong.
+    turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
+    turned = np.abs(turned - np.median(turned))
+    is_near = np.convolve(hides, np.ones(2 * _BESIDE + 1), "same") > 0.0
+    elsewhere = np.max(turned, where=~is_near, initial=0.0)
+    return turned > max(_SURELY * float(robust_std(turned)), elsewhere)
 
 
 def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:

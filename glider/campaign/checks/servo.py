@@ -73,18 +73,15 @@ def command_tape(
     """Returns when commands switch [s], counted from `begin`, and to what."""
     assert flight.command is not None and flight.elevator is not None
     # What was commanded before a gap that hides commands does not count.
-    rows = np.arange(mask.first, len(flight.time))
-    time = flight.time - begin
+    piece = slice(mask.first, None)
+    time = flight.time[piece] - begin
     since = flight.command_time
     if since is not None:
-        since = (since - begin)[rows]
-    tape = command_steps(time[rows], flight.command[rows], switch_rate, since)
-    seen = rows[~mask.elevator[rows]]
-    if not len(seen):
-        return CommandTape(*tape, 0.0)
-    first = seen[0]  # Its noise is what x[3] is for.
-    [travel] = elevator_path(*tape, time[[first]])
-    return CommandTape(*tape, float(flight.elevator[first] - travel))
+        since = since[piece] - begin
+    tape = command_steps(time, flight.command[piece], switch_rate, since)
+    seen = np.flatnonzero(~mask.elevator[piece])[:1]  # Its noise is what x[3] is for.
+    rest = flight.elevator[piece][seen] - elevator_path(*tape, time[seen])
+    return CommandTape(*tape, float(np.sum(rest)))
 
 
 class LateServo(NamedTuple):

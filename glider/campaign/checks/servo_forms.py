@@ -29,6 +29,11 @@ walk. Of the orders 1 to 3 its errors are the least or nearly so, and it never t
 noise for departures (bench_departures)."""
 _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
 _SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
+_SCALES = {"rate": 1.0, "slew": 1.0, "low": 0.1, "high": 0.1, "skew": 0.1}
+_SCALES |= {"rate_by_load": 0.1} | dict.fromkeys(
+    ("delay", "lag", "lag_by_load", "play"), 0.01
+)
+"""Steps of a servo's numbers that matter: scaled by slopes, fits stop too early."""
 _LEAST = {"low": -np.inf, "high": -np.inf, "skew": -1.0}  # Of all others 0.
 _NEAR_STOP = 0.05  # Distance from a stop where a servo may slow down [rad].
 _SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
@@ -123,9 +128,10 @@ def fit_servo(
     begins = {"low": float(np.min(angles)), "high": float(np.max(angles))}
     begins |= {"rate": fast, "slew": fast, "skew": 0.0, "play": 0.01}
     begins |= {"lag_by_load": 0.02, "rate_by_load": 0.3}
+    names = ("delay", "lag", *free)
 
     def servo_of(numbers: np.ndarray) -> LateServo:
-        own = dict(zip(("delay", "lag", *free), numbers.tolist(), strict=True))
+        own = dict(zip(names, numbers.tolist(), strict=True))
         ends = {name: own.pop(name) for name in Servo._fields if name in own}
         return LateServo(start.limits._replace(**ends), **own)
 
@@ -143,7 +149,7 @@ def fit_servo(
                 [-_SURE * clock_std, 0.0, *(_LEAST.get(name, 0.0) for name in free)],
                 np.inf,
             ),
-            x_scale="jac",
+            x_scale=[_SCALES[name] for name in names],
             diff_step=_DIFFERENCE,
             loss="soft_l1",
             max_nfev=_MOST_TRIES,
@@ -170,14 +176,13 @@ def restore_lost(plain: Fit, clock_std: float) -> tuple[Fit, float]:
     Also returns their share of all.
     """
     noise = plain.departures.noise
-    held = [_held_instead(each, plain.servo, noise) for each in plain.elevators]
-    pairs = [*zip(plain.elevators, held, strict=True)]
-    lost = [np.count_nonzero(own != each.tape.commands) for each, own in pairs]
-    counts = [len(own) for own in held]
-    found = [each.given(own) for each, own in pairs]
-    cost = float(np.dot(lost, np.log(counts)))
-    share = sum(lost) / sum(counts)
-    return fit_servo(found, plain.servo, clock_std, cost=cost), share
+    elevators = plain.elevators
+    held = [_held_instead(each, plain.servo, noise) for each in elevators]
+    found = [each.given(own) for each, own in zip(elevators, held, strict=True)]
+    logged = np.concatenate([each.tape.commands for each in elevators])
+    is_lost = np.concatenate(held) != logged
+    cost = float(np.sum(is_lost)) * math.log(len(logged) / len(elevators))
+    return fit_servo(found, plain.servo, clock_std, cost=cost), float(np.mean(is_lost))
 
 
 def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
@@ -224,9 +229,10 @@ def find_step(plain: Fit, clock_std: float) -> tuple[Fit, float]:
     commands = np.concatenate([each.tape.commands for each in plain.elevators])
 
     def behind(step: float) -> list[Elevator]:
-        given = [step * np.round(e.tape.commands / step) for e in plain.elevators]
-        pairs = zip(plain.elevators, given, strict=True)
-        return [each.given(rounded) for each, rounded in pairs]
+        return [
+            each.given(step * np.round(each.tape.commands / step))
+            for each in plain.elevators
+        ]
 
     def likelihood(inverse: float) -> float:
         return Fit(servo=plain.servo, elevators=behind(1.0 / inverse)).likelihood
