@@ -57,7 +57,7 @@ _UNEVEN: dict[tuple[str, ...], str] = {
     ("play",): "has a free play of {value:.3g} ± {std:.1g} rad",
     ("slew",): "catches up with its commands by {value:.3g} ± {std:.1g} rad/s at most",
 }
-"""What may make a servo uneven, and how that is told."""
+"""What may make a servo uneven, and the words for it."""
 _LAGGING = ("skew",), ("lag_by_load",), ("rate", "rate_by_load")
 """Those that are most like a delay and a lag, which remain effects to be traced."""
 _UNKNOWN = (
