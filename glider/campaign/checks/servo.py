@@ -166,11 +166,12 @@ def measure_elevators(campaign: Campaign, masks: Mapping[str, Masks]) -> list[El
     return elevators
 
 
-def _changes_of(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (2, k) of windows in a log (n,) [s], and by how much an angle changes."""
-    begin = np.arange(time[0], time[-1] - _WINDOW, 0.5 * _WINDOW)
+def _windows_of(elevator: Elevator) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (2, k) of windows of an elevator's log [s], and its angles there [rad]."""
+    seen = elevator.seen
+    begin = np.arange(seen[0], seen[-1] - _WINDOW, 0.5 * _WINDOW)
     ends = np.stack([begin, begin + _WINDOW])
-    return ends, np.diff(np.interp(ends, time, angle), axis=0)[0]
+    return ends, np.interp(ends, seen, elevator.angle)
 
 
 def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
@@ -249,16 +250,14 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
     """
     if len(elevator.rows) < 2:
         return np.zeros((4, len(delays), 0))
-    ends, change = _changes_of(elevator.seen, elevator.angle)
+    ends, angles = _windows_of(elevator)
     time = elevator.time
+    change = angles[1] - angles[0]
     late = delays[:, None]
-    # Between rows, as the log has them: a path that turns there counts less.
-    paths = elevator.follow(time - late)
-    shown = np.array([np.interp(ends, time, path) for path in paths])
-    ordered = shown[:, 1] - shown[:, 0]
+    begin, end = elevator.follow(ends[:, None] - late)
+    ordered = end - begin
     is_known = (ends[0] - late >= time[0]) & (ends[1] - late <= time[-1])
     slowing = STOPPING_TIME * stops.rate if math.isfinite(stops.rate) else 0.0
-    angles = np.interp(ends, elevator.seen, elevator.angle)
     is_near = (angles < stops.low + slowing) | (angles > stops.high - slowing)
     is_known &= ~is_near.any(axis=0)
     one = np.ones_like(ordered)
@@ -322,6 +321,6 @@ def _calc_travel(
 def _reached(elevators: Sequence[Elevator]) -> Servo:
     """Limits that elevators reach: where they end, and how fast they turn."""
     angles = np.concatenate([each.angle for each in elevators])
-    changes = [_changes_of(each.seen, each.angle)[1] for each in elevators]
-    fastest = float(np.max(np.abs(np.concatenate(changes)))) / _WINDOW
+    changes = [np.diff(_windows_of(each)[1], axis=0) for each in elevators]
+    fastest = float(np.max(np.abs(np.concatenate(changes, axis=1)))) / _WINDOW
     return Servo(float(np.min(angles)), float(np.max(angles)), fastest)
