@@ -34,7 +34,7 @@ _BOTH_WAYS = np.arange(-0.35, 0.3525, 0.005)  # Delays, to find which comes firs
 _WINDOW = 0.04  # Time over which a change is taken [s].
 _LEADS = 0.015
 """Lead above which an elevator moves before its commands [s]: no servo does. Measured:
--0.025 to 0.005 in 20 campaigns: half a row, as a command is held until the next."""
+-0.03 to 0 in 20 campaigns; without a clock of the commands half a row is unknown."""
 _AS_GOOD = 2.0
 """Ratio of what delays leave unexplained to what a lead does below which the elevator
 may follow: 1.4 in a session under feedback, where a slow servo swings."""
