@@ -82,11 +82,6 @@ class _Scale(NamedTuple):
     noise: np.ndarray  #: (k,) standard deviations.
     digits: np.ndarray  #: (k,)
 
-    @property
-    def least(self) -> np.ndarray:
-        """Changes (k,) that are surely none of noise and digits."""
-        return np.maximum(_SURELY * self.noise, _QUANTA * self.digits)
-
 
 def find_faults(campaign: Campaign) -> Inspection:
     """Finds rows that are frozen, stick out or are displaced; reports gaps.
@@ -318,11 +313,12 @@ def _find_held(values: np.ndarray, scale: _Scale, least: int) -> np.ndarray:
     columns are noisier than their digits by so much that many equal numbers cannot be.
     """
     held = np.zeros(len(values), dtype=bool)
+    surely = np.maximum(_SURELY * scale.noise, _QUANTA * scale.digits)
     is_noisy = least >= _EQUAL_NUMBERS and np.all(scale.noise > _NOISY * scale.digits)
     for first, last in stretches(find_repeats(values, least)):
         beside = last + 1 if last + 1 < len(values) else first - 2
         moved = np.abs(values[beside] - values[last])
-        held[first : last + 1] = is_noisy or np.any(moved > scale.least)
+        held[first : last + 1] = is_noisy or np.any(moved > surely)
     return held
 
 
