@@ -235,7 +235,7 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
 def _find_turned_over(flight: Flight) -> np.ndarray:
     """Rows (n,) between jumps of the axis to the left that no body can turn by.
 
-    The longest stretch without a jump is right, and those with about its axis. (Where
+    The longest stretch without a jump is right, and those that continue it. (Where
     markers are exchanged so that the axis stays, the pitch jumps.)
     """
     time = flight.time
@@ -247,9 +247,14 @@ def _find_turned_over(flight: Flight) -> np.ndarray:
     is_jump = np.sum(left[:-1] * left[1:], axis=1) < np.cos(_TURN)
     is_jump &= np.diff(time) < _TURN / _TURNING
     parts = np.split(np.arange(len(time)), np.flatnonzero(is_jump) + 1)
-    usual = np.mean(left[max(parts, key=len)], axis=0)
-    for part in parts:
-        turned[part] = np.mean(left[part] @ usual) < np.cos(_TURN)
+    longest = int(np.argmax([len(part) for part in parts]))
+    earlier = [part[::-1] for part in parts[longest::-1]]
+    for side in (parts[longest:], earlier):
+        last = side[0][-1]
+        for part in side[1:]:
+            turned[part] = left[last] @ left[part[0]] < np.cos(_TURN)
+            if not turned[part[0]]:
+                last = part[-1]
     return turned
 
 
