@@ -29,12 +29,9 @@ walk. Of the orders 1 to 3 its errors are the least or nearly so, and it never t
 noise for departures (bench_departures)."""
 _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
 _SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
-_SCALES = {"rate": 1.0, "slew": 1.0, "low": 0.1, "high": 0.1, "skew": 0.1}
-_SCALES |= {"rate_by_load": 0.1} | dict.fromkeys(
-    ("delay", "lag", "lag_by_load", "play"), 0.01
-)
-"""Steps of a servo's numbers that matter: scaled by slopes, fits stop too early."""
-_LEAST = {"low": -np.inf, "high": -np.inf, "skew": -1.0}  # Of all others 0.
+_LONGEST = (0.3, 0.5)  # Delay and lag [s].
+_STEPS = (0.01, 0.01)  # Of delay and lag, to scale them [s].
+_LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
 _NEAR_STOP = 0.05  # Distance from a stop where a servo may slow down [rad].
 _SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
 _USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
@@ -124,32 +121,43 @@ def fit_servo(
     """
     angles = np.concatenate([each.angle for each in elevators])
     commands = np.concatenate([each.tape.commands for each in elevators])
-    fast = 0.9 * float(np.max(np.abs(commands)))
-    begins = {"low": float(np.min(angles)), "high": float(np.max(angles))}
-    begins |= {"rate": fast, "slew": fast, "skew": 0.0, "play": 0.01}
-    begins |= {"lag_by_load": 0.02, "rate_by_load": 0.3}
-    names = ("delay", "lag", *free)
+    low = float(np.min(angles))
+    high = float(np.max(angles))
+    middle = 0.5 * (low + high)
+    span = high - low
+    fastest = float(np.max(np.abs(commands)))
+    ranges = {  # Least and most of each, where it begins, and its scale.
+        "low": (low - span, middle, low, 0.1),
+        "high": (middle, high + span, high, 0.1),
+        "rate": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
+        "skew": (-1.0, 1.0, 0.0, 0.1),
+        "lag_by_load": (0.0, _LONGEST[1], 0.02, _STEPS[1]),
+        "rate_by_load": (0.0, 1.0, 0.3, 0.1),
+        "play": (0.0, span, 0.01, 0.01),
+        "slew": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
+    }
 
     def servo_of(numbers: np.ndarray) -> LateServo:
-        own = dict(zip(names, numbers.tolist(), strict=True))
+        delay, lag, *values = map(float, numbers)
+        own = dict(zip(free, values, strict=True))
         ends = {name: own.pop(name) for name in Servo._fields if name in own}
-        return LateServo(start.limits._replace(**ends), **own)
+        return LateServo(start.limits._replace(**ends), delay, lag, **own)
 
     def errors(numbers: np.ndarray) -> np.ndarray:
         servo = servo_of(numbers)
         return np.concatenate([_lasting_errors(each, servo) for each in elevators])
 
+    least = [-_SURE * clock_std, 0.0, *(ranges[name][0] for name in free)]
+    most = [*_LONGEST, *(ranges[name][1] for name in free)]
+    scales = [*_STEPS, *(ranges[name][3] for name in free)]
     fits = []
     for late in (_STARTS[0], start[1:3]) if free else _STARTS:
         # Large errors weigh less: a lost command says nothing of the servo.
         found = least_squares(
             errors,
-            [*late, *(begins[name] for name in free)],
-            bounds=(
-                [-_SURE * clock_std, 0.0, *(_LEAST.get(name, 0.0) for name in free)],
-                np.inf,
-            ),
-            x_scale=[_SCALES[name] for name in names],
+            [*late, *(ranges[name][2] for name in free)],
+            bounds=(least, most),
+            x_scale=scales,
             diff_step=_DIFFERENCE,
             loss="soft_l1",
             max_nfev=_MOST_TRIES,
