@@ -39,12 +39,13 @@ _FEWEST_FILLED = 3
 """Rows on a line in x and z at once that are filled; none of 4 million rows of noise of
 three digits are."""
 _LEAST_NOISE = 3.0  # Digits of a log that show whether rows are on a line.
-_COLORED = 2.0
-"""Ratio of the noise over two steps to that over one above which it is filtered: white
-noise has 1. Measured: 0.9 to 1.2 in 36 campaigns, real cameras among them; 3 and more
-behind low-pass filters of second order below two thirds of half the rate of rows."""
-_FAST_LOG = 90.0  # Rate of rows below which two steps show the motion, too [Hz].
-_FEWEST_NOISES = 50  # Fourth differences from which noise is measured, at least.
+_COLORED = 0.3
+"""Share of neighboring fourth differences of one sign above which noise is filtered:
+white noise has 0.205. Measured: 0.16 to 0.21 in campaigns of four flights, real cameras
+among them; 0.39 and more behind low-pass filters of second order below two thirds of
+half the rate of rows."""
+_FAST_LOG = 90.0  # Rate of rows below which steps show the motion, too [Hz].
+_FEWEST_NOISES = 100  # Fourth differences that show whether it is, at least.
 _DECIMALS = 9  # Of m and rad, that a log may have: beyond is rounding.
 _QUANTA = 5.0  # Digits of the log by which it should have.
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
@@ -59,10 +60,8 @@ _TURN = 1.0
 """Angle by which an attitude jumps where markers are exchanged [rad]. Measured throws
 turn by 0.14 at most from row to row, noise included."""
 _TURNING = 30.0  # Rate by which a body may turn that far, in a longer step [rad/s].
-_HALF = 0.06  # Half of the time over which a glider must stay where it is [s].
-_PLACE = 0.008  # ... within this of its middle [m]; free fall from rest: 0.018.
-_SHORTEST = 0.06  # Rows that lie must last, at least [s].
-_SLIDE = 0.003  # Height within which a glider slides before it lies [m].
+_AT_REST = 0.15  # Speed below which a glider rests [m/s],
+_HELD = 5.0  # ... if less accelerates it: half of what a falling one has [m/s²].
 _HAND = 6.0
 """Force per mass along the path, above that of the flight's second half, that only a
 hand exerts [m/s²]; wind, drag and a thrust of half the weight stay below."""
@@ -137,31 +136,25 @@ def find_faults(campaign: Campaign) -> Inspection:
 
 
 def _find_filter(campaign: Campaign, masks: dict[str, Masks]) -> list[str]:
-    """Warns of poses that were filtered: neighboring rows have the same noise."""
-    if campaign.row_rate < _FAST_LOG:
-        return []
+    """Warns of poses that were filtered: noise has one sign from row to row."""
     noises = []
-    for every in (1, 2):
-        differences = []
-        for flight in campaign.flights:
-            usable = masks[flight.name].usable
-            time = flight.time[usable]
-            place = flight.pose[usable, :2]
-            for first in range(every):
-                rows = slice(first, None, every)
-                differences.append(fourth_differences(time[rows], place[rows])[0])
-        found = np.concatenate(differences)
-        if len(found) < _FEWEST_NOISES:
-            return []
-        noises.append(robust_std(found))
-    noise = noises[0]
-    ratio = float(np.min(noises[1] / np.maximum(noise, 1e-12)))
-    if ratio < _COLORED:
+    neighbors = []
+    for flight in campaign.flights:
+        usable = masks[flight.name].usable
+        own = fourth_differences(flight.time[usable], flight.pose[usable, :2])[0]
+        noises.append(own)
+        neighbors.append(own[1:] * own[:-1] > 0.0)
+    is_alike = np.concatenate(neighbors)
+    if campaign.row_rate < _FAST_LOG or len(is_alike) < _FEWEST_NOISES:
         return []
+    share = float(np.min(np.mean(is_alike, axis=0)))
+    if share < _COLORED:
+        return []
+    noise = np.max(robust_std(np.concatenate(noises)))
     return [
-        f"The poses have next to no noise from row to row ({1e3 * np.max(noise):.2g} "
-        f"mm; {ratio:.2g} times as much over two rows): they were filtered, or "
-        "simulated without noise. A filter changes forces and delays: use raw poses."
+        f"The poses have next to no noise from row to row ({1e3 * noise:.2g} mm, of one "
+        f"sign in {100 * share:.0f} % of rows): they were filtered, or simulated "
+        "without noise. A filter changes forces and delays: use raw poses."
     ]
 
 
@@ -235,27 +228,17 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
 def _find_turned_over(flight: Flight) -> np.ndarray:
     """Rows (n,) between jumps of the axis to the left that no body can turn by.
 
-    The longest stretch without a jump is right, and those that continue it. (Where
-    markers are exchanged so that the axis stays, the pitch jumps.)
+    Each jump exchanges markers, or undoes it; most rows are right. (Where markers are
+    exchanged so that the axis stays, the pitch jumps.)
     """
-    time = flight.time
-    turned = np.zeros(len(time), dtype=bool)
     if flight.attitude is None:
-        return turned
+        return np.zeros(len(flight.time), dtype=bool)
     _, roll, yaw = flight.attitude.T
     left = body_axes(flight.pose[:, 2], roll, yaw)[:, :, 1]
     is_jump = np.sum(left[:-1] * left[1:], axis=1) < np.cos(_TURN)
-    is_jump &= np.diff(time) < _TURN / _TURNING
-    parts = np.split(np.arange(len(time)), np.flatnonzero(is_jump) + 1)
-    longest = int(np.argmax([len(part) for part in parts]))
-    earlier = [part[::-1] for part in parts[longest::-1]]
-    for side in (parts[longest:], earlier):
-        last = side[0][-1]
-        for part in side[1:]:
-            turned[part] = left[last] @ left[part[0]] < np.cos(_TURN)
-            if not turned[part[0]]:
-                last = part[-1]
-    return turned
+    is_jump &= np.diff(flight.time) < _TURN / _TURNING
+    turned = np.cumsum(np.append(0, is_jump)) % 2 == 1
+    return turned if np.mean(turned) < 0.5 else ~turned
 
 
 def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -361,29 +344,19 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
 
 
 def _find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    """Rows (n,) that lie still or slide until they do, before the throw or landed."""
-    standing = np.zeros(len(usable), dtype=bool)
-    rows = np.flatnonzero(usable)
-    time = flight.time[rows]
-    place = flight.pose[rows, :2]
-    first = np.searchsorted(time, time - _HALF - 1e-9)
-    last = np.searchsorted(time, time + _HALF + 1e-9) - 1
-    # At an end of the log one side is enough, if there are rows enough on it.
-    is_still = time[last] - time[first] > 0.75 * _HALF
-    for ends in (first, last):
-        is_still &= np.linalg.norm(place[ends] - place, axis=1) <= _PLACE
-    steps = np.linalg.norm(np.diff(place, axis=0, prepend=place[:1]), axis=1)
-    way = np.cumsum(steps)
-    for begin, end in stretches(is_still):
-        if time[end] - time[begin] < _SHORTEST:
-            continue
-        if way[begin] < 0.5 * way[-1]:
-            standing[: rows[end] + 1] = True
-        else:
-            height = np.abs(place[:, 1] - np.median(place[begin : end + 1, 1]))
-            lands = np.max(np.flatnonzero(height[:begin] >= _SLIDE), initial=-1) + 1
-            standing[rows[lands] :] = True
-    return standing
+    """Rows (n,) up to the last at rest before the throw, and from the first landed.
+
+    A body that rests in free air falls.
+    """
+    time = flight.time
+    motion = calc_motion(time[usable], flight.pose[usable])
+    force = np.linalg.norm(motion.acceleration[:, :2], axis=1)
+    rests = (motion.speed < _AT_REST) & (force < _HELD)
+    way = np.cumsum(motion.speed)
+    is_early = way < 0.5 * np.max(way, initial=0.0)
+    begin = np.max(motion.time, where=rests & is_early, initial=-np.inf)
+    end = np.min(motion.time, where=rests & ~is_early, initial=np.inf)
+    return (time <= begin) | (time >= end)
 
 
 def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.ndarray:
