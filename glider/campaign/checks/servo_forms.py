@@ -13,9 +13,10 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from glider.campaign.checks.masks import Masks, masks_of
+from glider.campaign.checks.motion import calc_motion
 from glider.campaign.checks.servo import Elevator, LateServo
 from glider.campaign.logs import Campaign
-from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
+from glider.campaign.smoothing import Smoothing, estimate_noise
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import Servo
 
@@ -194,15 +195,10 @@ def restore_lost(plain: Fit, clock_std: float) -> tuple[Fit, float]:
 
 
 def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
-    """Commands (k,) of which the lost ones are those before [rad/s].
-
-    The one that explains the most of the angles about it comes first.
-    """
+    """Commands (k,) of which the lost ones are those before [rad/s]."""
     switches, commands, _ = each.tape
     commands = commands.copy()
     around = _AROUND * float(np.median(np.diff(switches)))
-    kept = [*range(1, len(commands))]
-
     def left_by(commands: np.ndarray, k: int) -> float:
         """Squares after the k-th command, over those of noise and of the mean before.
 
@@ -218,17 +214,12 @@ def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
         squares = np.sum((error[after] - np.mean(error[before])) ** 2)
         return float(squares) / (1.0 + np.count_nonzero(after) / count)
 
-    while kept:
-        gains = []
-        for k in kept:
-            held = commands.copy()
-            held[k] = held[k - 1]
-            gains.append(left_by(commands, k) - left_by(held, k))
-        best = int(np.argmax(gains))
-        if gains[best] < 2.0 * noise**2 * LEAST_EVIDENCE:
-            break
-        k = kept.pop(best)
-        commands[k] = commands[k - 1]
+    for k in range(1, len(commands)):
+        held = commands.copy()
+        held[k] = held[k - 1]
+        gain = left_by(commands, k) - left_by(held, k)
+        if gain > 2.0 * noise**2 * LEAST_EVIDENCE:
+            commands = held
     return commands
 
 
@@ -275,21 +266,18 @@ def with_loads(
     usual = GliderParameters().hinge_offset
     arm = campaign.vehicle.get("hinge_offset", usual)
     flights = {flight.name: flight for flight in campaign.flights}
-    logs = []
+    loads = []
     for each in elevators:
         flight = flights[each.name]
         usable = masks_of(flight, masks).usable
-        logs.append((flight.time[usable], flight.pose[usable]))
-    times, poses = zip(*logs, strict=True)
-    ratio = max(channel.ratio for channel in estimate_noise(times, poses))
-    loads = []
-    for each, (time, pose) in zip(elevators, logs, strict=True):
-        curve, rate = smoothing_maps(time, each.time, ratio)[:2] @ pose
-        x, z, turning = rate.T
-        angle = np.interp(each.time, each.seen, each.angle)
-        e = curve[:, 2] + angle
+        motion = calc_motion(flight.time[usable], flight.pose[usable])
+        x, z, turning = motion.velocity.T
+        angle = np.interp(motion.time, each.seen, each.angle)
+        e = motion.pose[:, 2] + angle
         across = x * np.sin(e) + z * np.cos(e) + arm * turning * np.cos(angle)
-        loads.append(np.abs(across) * np.hypot(x, z))
+        load = np.abs(across) * motion.speed
+        known = len(load) > 0
+        loads.append(np.interp(each.time, motion.time, load) if known else np.zeros(1))
     most = max(float(np.max(load)) for load in loads)
     pairs = zip(elevators, loads, strict=True)
     return [each._replace(load=load / most) for each, load in pairs]
