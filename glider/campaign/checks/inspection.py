@@ -47,11 +47,9 @@ def inspect(campaign: Campaign) -> Inspection:
     check_follows(kept.campaign, measure_elevators(kept.campaign, kept.masks))
     off_rates = check_rates(kept.campaign)
     kept.drop(_find_servoless(kept.campaign, kept.masks))
-    kept.mask(functools.partial(find_hand, gravity=None), _HELD)
-    kept.drop_short()
-    check_frame(kept.campaign, kept.motions())
     kept.mask(functools.partial(find_hand, gravity=campaign.gravity), _HELD)
     kept.drop_short()
+    check_frame(kept.campaign, kept.motions())
     kept.mask(find_rolled, _ROLLED)
     kept.drop_short(f": {_ROLLED}")
     # Until here poses counted, whatever the servo did.

@@ -65,12 +65,8 @@ _HELD = 5.0  # ... if less accelerates it: half of what a falling one has [m/s²
 _HAND = 6.0
 """Force per mass along the path, above that of the flight's second half, that only a
 hand exerts [m/s²]; wind, drag and a thrust of half the weight stay below."""
-_THROW = 16.0
-"""The same of the acceleration, where the direction of gravity is unknown and the log
-does not start from rest: a dive has 9.8 [m/s²]."""
 _STOPPED = 0.25  # Share of flights ending in a contact above which all may.
 _AT_STOP = "pose: the last row before a contact, as most flights end in one"
-_REST = 1.0  # Slower than this a log starts from rest: in a hand [m/s].
 _HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's start.
 _LATER = 0.5  # From this share of the log on the force is "usual".
 
@@ -152,8 +148,8 @@ def _find_filter(campaign: Campaign, masks: dict[str, Masks]) -> list[str]:
         return []
     noise = np.max(robust_std(np.concatenate(noises)))
     return [
-        f"The poses have next to no noise from row to row ({1e3 * noise:.2g} mm, of one "
-        f"sign in {100 * share:.0f} % of rows): they were filtered, or simulated "
+        f"The poses have next to no noise from row to row ({1e3 * noise:.2g} mm, of "
+        f"one sign in {100 * share:.0f} % of rows): they were filtered, or simulated "
         "without noise. A filter changes forces and delays: use raw poses."
     ]
 
@@ -359,12 +355,11 @@ def _find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
     return (time <= begin) | (time >= end)
 
 
-def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.ndarray:
+def find_hand(flight: Flight, usable: np.ndarray, gravity: float) -> np.ndarray:
     """Rows (n,), True at the start, where a hand still accelerates the glider.
 
     A thrust, wind or a tilted frame push throughout; a hand lets go. So the force
-    along the path is compared with that of the flight's second half. Gravity is None
-    where its direction is unknown: then only a throw that is stronger shows.
+    along the path is compared with that of the flight's second half.
     """
     held = np.zeros(len(usable), dtype=bool)
     own = flight.time[usable]
@@ -373,12 +368,11 @@ def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.n
     if len(time) < 8:
         return held
     speed = np.maximum(motion.speed, 1e-3)
-    force = motion.acceleration[:, :2] + [0.0, gravity or 0.0]
+    force = motion.acceleration[:, :2] + [0.0, gravity]
     along = np.sum(force * motion.velocity[:, :2], axis=1) / speed
     is_late = time >= time[0] + _LATER * np.ptp(time)
     usual = max(float(np.median(along[is_late])), 0.0)
-    least = _THROW if gravity is None and speed[0] > _REST else _HAND
-    lets_go = along - usual <= least
+    lets_go = along - usual <= _HAND
     free = int(np.argmax(lets_go))
     # First held, then free: 0 is also what `argmax` says of a glider held throughout.
     if free == 0 or speed[free] < _HAND_GAIN * speed[0]:

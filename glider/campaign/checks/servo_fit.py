@@ -218,35 +218,30 @@ def _with_departures(
         servo = uneven.servo.even._replace(limits=servo.limits)
     found = uneven.departures
     times = {flight.name: flight.time for flight in campaign.flights}
-    curves = {}
-    rests = {}
+    departures = {}
     shares = []
     for told, each in zip(plain.elevators, uneven.elevators, strict=True):
-        name = each.name
-        seen = each.seen
-        rests[name] = rest = find_rest(each, uneven.servo)
-        known = np.clip(times[name], seen[0], seen[-1])
-        [smoothed, own] = [
-            smoothing_maps(seen, query, found.ratio, ORDER)[0]
-            for query in (known, seen)
-        ]
-        shares.append(np.mean(own.diagonal()))
-        curves[name] = (
-            smoothed @ (each.angle - each.follow(seen, uneven.servo, rest))
-            + each.follow(times[name], uneven.servo, rest)
-            - told.follow(times[name], servo, rest)
+        time = times[each.name]
+        rest = find_rest(each, uneven.servo)
+        known = np.clip(time, each.seen[0], each.seen[-1])
+        smoothed = smoothing_maps(each.seen, known, found.ratio, ORDER)[0]
+        shares.append(np.mean(np.max(smoothed, axis=1)))
+        curve = (
+            smoothed @ (each.angle - each.follow(each.seen, uneven.servo, rest))
+            + each.follow(time, uneven.servo, rest)
+            - told.follow(time, servo, rest)
         )
+        departures[each.name] = Departure(curve, rest, 0.0, bool(cause))
     std = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0) * found.noise
     flights = []
     for flight in campaign.flights:
-        own = None
-        if flight.name in curves:
-            path = curves[flight.name], rests[flight.name]
-            own = Departure(*path, std, bool(cause))
+        own = departures.get(flight.name)
+        own = own and own._replace(std=std)
         flights.append(dataclasses.replace(flight, departure=own))
-    worst = max(curves, key=lambda name: float(np.max(np.abs(curves[name]))))
-    row = np.argmax(np.abs(curves[worst]))
-    rms = math.sqrt(np.mean([np.var(curve) for curve in curves.values()]))
+    sizes = {name: np.abs(own.angle) for name, own in departures.items()}
+    worst = max(sizes, key=lambda name: float(np.max(sizes[name])))
+    row = np.argmax(sizes[worst])
+    rms = math.sqrt(np.mean([np.var(own.angle) for own in departures.values()]))
     if step := 0.0 if cause else _logged_step(plain):
         cause = f"has a log that rounds commands, in steps of {step:.3g} rad/s"
     beginning = f"The servo {cause}. " if cause else ""
@@ -254,7 +249,7 @@ def _with_departures(
     sentence = (
         f"{beginning}The elevator departs from its commands by {1e3 * rms:.2g} mrad "
         f"(RMS; its noise is {1e3 * found.noise:.2g}), in {worst} by "
-        f"{abs(curves[worst][row]):.2g} rad at {times[worst][row]:.3g} s{ending} "
+        f"{sizes[worst][row]:.2g} rad at {times[worst][row]:.3g} s{ending} "
         "Flights are replayed along the measured elevator."
     )
     return dataclasses.replace(campaign, flights=tuple(flights)), sentence

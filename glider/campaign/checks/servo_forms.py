@@ -38,7 +38,8 @@ _SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
 _USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
 _MOST_TRIES = 40  # Of a fit, which may have numbers that show nothing.
 _DIFFERENCE = 1e-3  # Relative step of slopes.
-_AROUND = 3  # Periods on each side of a command that show whether it was lost.
+_BEFORE = 3  # Periods before a command that show where the elevator was.
+_AFTER = 1.5  # ... and after it, before the next, which may be lost too, turns far.
 _FINER = 21  # Steps between two that were tried.
 # Noise of measured angles, of which computed ones have none [rad] (c): finer steps are
 # not searched for.
@@ -198,15 +199,16 @@ def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
     """Commands (k,) of which the lost ones are those before [rad/s]."""
     switches, commands, _ = each.tape
     commands = commands.copy()
-    around = _AROUND * float(np.median(np.diff(switches)))
+    period = float(np.median(np.diff(switches)))
+
     def left_by(commands: np.ndarray, k: int) -> float:
         """Squares after the k-th command, over those of noise and of the mean before.
 
         That mean has noise of its own, the same in all rows.
         """
         since = each.seen - switches[k] - servo.delay
-        before = (since <= 0.0) & (since > -around)
-        after = (since > 0.0) & (since < around + servo.lag)
+        before = (since <= 0.0) & (since > -_BEFORE * period)
+        after = (since > 0.0) & (since < _AFTER * period + servo.lag)
         count = np.count_nonzero(before)
         if not count:
             return 0.0
