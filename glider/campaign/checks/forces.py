@@ -281,14 +281,11 @@ def check_fall(
     shown = Motions(tuple(motion for motion in motions.each if len(motion.time)))
     if not shown.each:
         return ()
-    are_few = len(shown.each) < _MIN_FLIGHTS
     refused = _OFF[1]
     surely = _SURELY
-    if are_few or shown.are_alike:
+    if len(shown.each) < _MIN_FLIGHTS or shown.are_alike:
         refused = math.inf
         surely = 2.0 * _SURELY
-    if are_few:
-        shown = _cut(shown)
     fall, error = _measure_fall(shown)
     if error > _UNKNOWN:
         words = "check the units of lengths and times"
@@ -302,15 +299,6 @@ def check_fall(
         "large ('units: time', the frame rate), or the right gravity"
     )
     return claim_scale(campaign, ratio, surely * error, (_OFF[0], refused), found)
-
-
-def _cut(motions: Motions) -> Motions:
-    """Pieces of flights, as flights."""
-    pieces = []
-    for motion in motions.each:
-        parts = [np.array_split(values, _PIECES) for values in motion]
-        pieces += [Motion(*values) for values in zip(*parts, strict=True)]
-    return Motions(tuple(pieces))
 
 
 def _measure_fall(motions: Motions) -> tuple[float, float]:
@@ -337,6 +325,8 @@ def _each_way(motions: Motions, fit: ForceFit) -> np.ndarray:
     squares = np.array([[own.T @ own for own in flight] for flight in pieces])
     flights = np.sum(squares, axis=1)
     total = np.sum(flights, axis=0)
+    if len(flights) < _MIN_FLIGHTS:
+        flights = flights[:0]
     omitted = [0.0 * total[None], flights, np.sum(squares, axis=0)]
     samples = total - np.concatenate(omitted)
     found = []
@@ -345,8 +335,9 @@ def _each_way(motions: Motions, fit: ForceFit) -> np.ndarray:
         square = samples[:, :-1, :-1] + np.diag(freedom**-2.0)
         solution = np.linalg.solve(square, samples[:, :-1, -1:])[:, _GRAVITY, 0]
         size, *others = np.log(np.linalg.norm(solution, axis=1))
-        parts = np.split(np.array(others), [len(motions.each)])
-        found.append((size, max(jackknife_error(part) for part in parts)))
+        parts = np.split(np.array(others), [len(flights)])
+        errors = [jackknife_error(part) for part in parts if len(part)]
+        found.append((size, max(errors)))
     return np.transpose(found)
 
 

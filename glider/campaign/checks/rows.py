@@ -246,15 +246,14 @@ def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> _Scale:
     """Noise and last digits of logs of times (n,) and columns (n, k), without repeats.
 
-    All differences are multiples of the last digit; of a fast motion the second ones
-    are small.
+    Second differences are small multiples of the last digit.
     """
     noises = []
     steps = []
     for time, values in logs:
         fresh = np.isfinite(values).all(axis=1) & ~find_repeats(values, 2)
         noises.append(_measure_noise(time[fresh], values[fresh]))
-        steps += [np.diff(values[fresh], order, axis=0) for order in (1, 2)]
+        steps.append(np.diff(values[fresh], 2, axis=0))
     sizes = np.round(np.abs(np.concatenate(steps)), _DECIMALS)
     digits = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
     return _Scale(np.median(noises, axis=0), digits)
@@ -320,12 +319,11 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
     for elevator in elevators:
         angle = elevator.angle
         rate = campaign.elevator_rate_limit or np.max(np.abs(elevator.tape.commands))
-        between = np.sort([angle[:-2], angle[2:]], axis=0)
-        apart = np.abs(angle[1:-1] - np.clip(angle[1:-1], *between))
+        around = sliding_window_view(np.pad(angle, 1, mode="edge"), 3)
+        apart = np.abs(angle - np.median(around, axis=1))
         # A turn of the servo within a step sticks out by a step at full rate.
-        steps = np.diff(elevator.seen)
-        turn = rate * np.minimum(steps[:-1], steps[1:])
-        sticks_out = np.pad(apart > np.sqrt(2.0) * surely + turn, 1)
+        turn = rate * np.median(np.diff(elevator.seen))
+        sticks_out = apart > np.sqrt(2.0) * surely + turn
         frozen = np.zeros(len(angle), dtype=bool)
         ordered = elevator.follow(elevator.seen, servo)
         for first, last in stretches(find_repeats(angle[:, None], _EQUAL_NUMBERS)):
