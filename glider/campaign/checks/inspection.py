@@ -32,7 +32,7 @@ _MIN_DENSITY = 0.5
 _MIN_SHARE = 0.5  # Of flights that must be kept: else the campaign is at fault.
 _MAX_FAULTY = 0.6  # Share of the rows of an elevator: the rest is no better.
 _ROLLED = "by roll and yaw its wing is more than half out of the plane of flight"
-_HELD = "a hand still pushes the glider"
+_PUSHED = "a hand still pushes the glider"
 _BEYOND = "pose: beyond a gap whose commands are not known"
 
 
@@ -47,14 +47,11 @@ def inspect(campaign: Campaign) -> Inspection:
     check_follows(kept.campaign, measure_elevators(kept.campaign, kept.masks))
     off_rates = check_rates(kept.campaign)
     kept.drop(_find_servoless(kept.campaign, kept.masks))
-    kept.mask(functools.partial(find_hand, gravity=campaign.gravity), _HELD)
-    kept.drop_short()
+    kept.mask(functools.partial(find_hand, gravity=campaign.gravity), _PUSHED)
     check_frame(kept.campaign, kept.motions())
     kept.mask(find_rolled, _ROLLED)
-    kept.drop_short(f": {_ROLLED}")
     # Until here poses counted, whatever the servo did.
     kept.mask(lambda flight, _: kept.masks[flight.name].beyond, _BEYOND)
-    kept.drop_short(f" ({_BEYOND})")
     motions = kept.motions()
     warnings = check_fall(kept.campaign, motions)
     check_commands(kept.campaign)
@@ -112,19 +109,20 @@ class _Kept:
         self.excluded += [ExcludedRows(n, ALL, why) for n, why in reasons.items()]
 
     def mask(self, find: Callable[[Flight, np.ndarray], np.ndarray], why: str) -> None:
-        """Excludes the rows that `find` finds in each flight, given its usable ones."""
+        """Excludes the rows that `find` finds in each flight, given its usable ones.
+
+        Also flights of which too few rows are kept, or too scattered ones.
+        """
+        reasons = {}
         for flight in self.campaign.flights:
             mask = self.masks[flight.name]
             found = find(flight, mask.usable) & mask.usable
+            cause = ""
             if found.any():
                 mask.pose[found] = True
                 self.excluded.append(ExcludedRows(flight.name, name_rows(found), why))
-
-    def drop_short(self, cause: str = "") -> None:
-        """Excludes flights of which too few rows are kept, or too scattered ones."""
-        reasons = {}
-        for flight in self.campaign.flights:
-            rows = np.flatnonzero(self.masks[flight.name].usable)
+                cause = f" ({why})"
+            rows = np.flatnonzero(mask.usable)
             span = np.ptp(flight.time[rows]) if len(rows) else 0.0
             if len(rows) < _MIN_ROWS or span < _MIN_SPAN:
                 reasons[flight.name] = (

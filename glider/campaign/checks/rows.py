@@ -6,7 +6,6 @@ accelerates it along its path is a hand. Rows are excluded, never corrected.
 """
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -27,7 +26,6 @@ from glider.campaign.checks.servo import LateServo, measure_elevators
 from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
 from glider.physics.held_commands import hides_command
-from glider.physics.servo import Servo
 
 _AGAIN = "repeat the pose before while the glider moves"
 FILLED = "on a straight line without noise: filled, not measured"
@@ -180,7 +178,7 @@ def _turns_unknown(flight: Flight, campaign: Campaign, hides: np.ndarray) -> np.
     """
     alone = dataclasses.replace(campaign, flights=(flight,))
     [each] = measure_elevators(alone, {})
-    apart = each.angle - each.follow(flight.time, LateServo(campaign.limits))
+    apart = each.angle - each.follow(flight.time, LateServo(*campaign.limits))
     rows = sliding_window_view(np.pad(apart, _BESIDE, mode="edge"), _BESIDE)
     level = np.median(rows, axis=1)  # Of which one may be wrong.
     turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
@@ -312,7 +310,7 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
         return {}
     angles = np.concatenate([elevator.angle for elevator in elevators])
     low, high = campaign.elevator_limits or (np.min(angles), np.max(angles))
-    servo = LateServo(Servo(float(low), float(high), math.inf))
+    servo = LateServo(float(low), float(high))
     noises = [_measure_noise(each.seen, each.angle[:, None]) for each in elevators]
     surely = _SURELY * float(np.median(noises))
     faults = {}

@@ -87,7 +87,9 @@ def command_tape(
 class LateServo(NamedTuple):
     """A servo that elevators may follow; loads are over the largest of a campaign."""
 
-    limits: Servo = NO_LIMITS
+    low: float = -math.inf  #: Stops [rad].
+    high: float = math.inf
+    rate: float = math.inf  #: Largest [rad/s].
     delay: float = 0.0  #: [s]
     lag: float = 0.0  #: Mean of turning up and down, without load [s].
     skew: float = 0.0  #: Half the difference of both, over their mean.
@@ -99,7 +101,12 @@ class LateServo(NamedTuple):
     @property
     def even(self) -> "LateServo":
         """The same without what makes it uneven."""
-        return LateServo(*self[:3])
+        return LateServo(*self[:5])
+
+    @property
+    def limits(self) -> Servo:
+        """Its stops and its largest rate."""
+        return Servo(*self[:3])
 
 
 _UNLIMITED = LateServo()
@@ -138,7 +145,8 @@ class Elevator(NamedTuple):
         It began at `rest`, or at the angle of the tape. For an uneven servo the times
         increase.
         """
-        limits, delay, lag, skew, *uneven = servo
+        limits = servo.limits
+        delay, lag, skew, *uneven = servo[3:]
         start = self.tape.rest if rest is None else rest
         tape = self.tape.switches + delay, self.tape.commands
         if servo == servo.even:
@@ -297,7 +305,7 @@ def _calc_travel(
 
     def fit(late: np.ndarray, own: Servo, few: list[Elevator]) -> tuple[float, float]:
         """Squares that are left [rad²], and the gain."""
-        servo = LateServo(own, float(late[0]), abs(float(late[1])))
+        servo = LateServo(*own, float(late[0]), abs(float(late[1])))
         angles = [each.angle - np.mean(each.angle) for each in few]
         paths = [each.follow(each.seen, servo) for each in few]
         angle = np.concatenate(angles)

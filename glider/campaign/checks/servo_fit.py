@@ -80,7 +80,7 @@ def identify_servo(
     if log.angle != "measured" or log.command == "reconstructed":
         return campaign, ()
     elevators = _measure(campaign, masks)
-    specified = LateServo(campaign.limits)
+    specified = LateServo(*campaign.limits)
     if not elevators or Fit(servo=specified, elevators=elevators).explains:
         return campaign, ()
     plain = fit_servo(elevators, specified, log.command_std)
@@ -108,7 +108,7 @@ def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> fl
     elevators = _measure(campaign, masks)
     if not elevators:
         return 0.0
-    specified = LateServo(campaign.limits)
+    specified = LateServo(*campaign.limits)
     return Fit(servo=specified, elevators=elevators).departures.noise
 
 
@@ -162,7 +162,7 @@ def _describe(fit: Fit) -> str:
     servo = fit.servo
     value = getattr(servo, fit.free[-1])
     lag = 1e3 * servo.lag
-    rate = servo.limits.rate
+    rate = servo.rate
     return _UNEVEN[fit.free].format(
         value=value,
         std=fit.std,
@@ -215,7 +215,7 @@ def _with_departures(
     """
     servo = plain.servo
     if cause and uneven.free not in _LAGGING:
-        servo = uneven.servo.even._replace(limits=servo.limits)
+        servo = LateServo(*servo.limits, *uneven.servo[3:5])
     found = uneven.departures
     times = {flight.name: flight.time for flight in campaign.flights}
     departures = {}

@@ -18,7 +18,6 @@ from glider.campaign.checks.servo import Elevator, LateServo
 from glider.campaign.logs import Campaign
 from glider.campaign.smoothing import Smoothing, estimate_noise
 from glider.physics.parameters import GliderParameters
-from glider.physics.servo import Servo
 
 LEAST_EVIDENCE = 6.0
 """Evidence above which a departure is no noise [nats]. By chance, half a chi-squared of
@@ -88,8 +87,8 @@ def find_rest(elevator: Elevator, servo: LateServo) -> float:
     """
     rest = elevator.tape.rest
     path = elevator.follow(elevator.seen, servo)
-    low, high, _ = servo.limits
-    moves_freely = (path > low + _NEAR_STOP) & (path < high - _NEAR_STOP)
+    moves_freely = path > servo.low + _NEAR_STOP
+    moves_freely &= path < servo.high - _NEAR_STOP
     free = np.logical_and.accumulate(moves_freely)
     if free.all() or not free.any():
         return rest
@@ -140,10 +139,8 @@ def fit_servo(
     }
 
     def servo_of(numbers: np.ndarray) -> LateServo:
-        delay, lag, *values = map(float, numbers)
-        own = dict(zip(free, values, strict=True))
-        ends = {name: own.pop(name) for name in Servo._fields if name in own}
-        return LateServo(start.limits._replace(**ends), delay, lag, **own)
+        own = zip(("delay", "lag", *free), map(float, numbers), strict=True)
+        return LateServo(*start.limits)._replace(**dict(own))
 
     def errors(numbers: np.ndarray) -> np.ndarray:
         servo = servo_of(numbers)
@@ -153,7 +150,7 @@ def fit_servo(
     most = [*_LONGEST, *(ranges[name][1] for name in free)]
     scales = [*_STEPS, *(ranges[name][3] for name in free)]
     fits = []
-    for late in (_STARTS[0], start[1:3]) if free else _STARTS:
+    for late in (_STARTS[0], start[3:5]) if free else _STARTS:
         # Large errors weigh less: a lost command says nothing of the servo.
         found = least_squares(
             errors,
