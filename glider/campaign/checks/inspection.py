@@ -23,7 +23,6 @@ from glider.campaign.checks.rows import find_faults, find_hand
 from glider.campaign.checks.servo import check_follows, check_travel, measure_elevators
 from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.logs import Campaign, Flight
-from glider.errors import InputError
 
 _MIN_ROWS = 20  # Usable rows of a flight, as the reader expects.
 _MIN_SPAN = 0.15  # Time that they span [s].
@@ -101,8 +100,8 @@ class _Kept:
         kept = tuple(flight for flight in flights if flight.name not in reasons)
         if len(kept) < least * len(flights):
             name, why = next(iter(reasons.items()))
-            raise InputError(
-                f"{self.campaign.path}: {len(reasons)} of {len(flights)} flights "
+            self.campaign.refuse(
+                f"{len(reasons)} of {len(flights)} flights "
                 f"cannot be used, {name} for one: {why}."
             )
         self.campaign = dataclasses.replace(self.campaign, flights=kept)

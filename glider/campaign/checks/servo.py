@@ -23,7 +23,6 @@ from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.rates import claim_scale
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.actuators import LOOPS, elevator_path
-from glider.errors import InputError
 from glider.physics.held_commands import command_steps
 from glider.physics.servo import NO_LIMITS, STOPPING_TIME, Servo
 
@@ -191,8 +190,8 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
     if commanded < _MOVES and moved < _MOVES:
         return
     if min(moved, commanded) < _MOVES:
-        raise InputError(
-            f"{campaign.path}: column 'elevator' moves by {moved:.2g} rad at most, and "
+        campaign.refuse(
+            f"column 'elevator' moves by {moved:.2g} rad at most, and "
             f"'elevator_rate_command' would move it by {commanded:.2g} rad; expected "
             "its measured angle, and the commands that were given."
         )
@@ -207,8 +206,8 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
         hint = ""
         if abs(shifted) > 2 * _FOLLOWS:
             hint = f"; shifted by {shift:.2f} s they do"
-        raise InputError(
-            f"{campaign.path}: column 'elevator' does not follow "
+        campaign.refuse(
+            f"column 'elevator' does not follow "
             f"'elevator_rate_command' (their rates correlate by {follows:.2f} at any "
             f"delay up to {_DELAYS[-1]:.2g} s{hint}); expected both on the clock of "
             "'time'."
@@ -217,8 +216,8 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
     # before, commands explain it about as well.
     is_clear = 1.0 - correlation**2 > _AS_GOOD * (1.0 - ahead**2)
     if -delay > _LEADS and is_clear:
-        raise InputError(
-            f"{campaign.path}: column 'elevator' moves {-delay:.3f} s before "
+        campaign.refuse(
+            f"column 'elevator' moves {-delay:.3f} s before "
             "'elevator_rate_command'; expected both on the clock of 'time'."
         )
 
