@@ -5,7 +5,6 @@ it is: from rest it falls 18 mm in 60 ms. Air takes energy from a glider: what
 accelerates it along its path is a hand. Rows are excluded, never corrected.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -25,7 +24,6 @@ from glider.campaign.checks.planarity import body_axes
 from glider.campaign.checks.servo import LateServo, measure_elevators
 from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
-from glider.physics.held_commands import hides_command
 
 _AGAIN = "repeat the pose before while the glider moves"
 FILLED = "on a straight line without noise: filled, not measured"
@@ -48,11 +46,9 @@ _DECIMALS = 9  # Of m and rad, that a log may have: beyond is rounding.
 _QUANTA = 5.0  # Digits of the log by which it should have.
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
 _LONG_STEP = 3.0  # Median steps above which a step is reported as a gap.
-_LOST = 1.5  # The same above which rows are lost.
 _UNCOMMANDED = 0.05
 """Gap over which a flight with a servo is cut [s]: the commands in it are lost as well,
 and two of them at 50 Hz turn the elevator by 0.5 rad."""
-_BESIDE = 3  # Rows on each side of a gap that show how far the elevator turned in it.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
 _TURN = 1.0
 """Angle by which an attitude jumps where markers are exchanged [rad]. Measured throws
@@ -66,7 +62,6 @@ hand exerts [m/s²]; wind, drag and a thrust of half the weight stay below."""
 _STOPPED = 0.25  # Share of flights ending in a contact above which all may.
 _AT_STOP = "pose: the last row before a contact, as most flights end in one"
 _HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's start.
-_LATER = 0.5  # From this share of the log on the force is "usual".
 
 
 class _Scale(NamedTuple):
@@ -101,7 +96,7 @@ def find_faults(campaign: Campaign) -> Inspection:
         for why, flags in (of_pose | of_servo).items():
             if flags.any():
                 excluded.append(ExcludedRows(name, name_rows(flags), why))
-        piece = _pieces_with_commands(flight, campaign)
+        piece = _pieces_with_commands(flight)
         longest = np.argmax(np.bincount(piece, weights=~pose))
         first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
         masks[name] = Masks(pose=pose, elevator=elevator, first=first, last=last)
@@ -152,40 +147,12 @@ def _find_filter(campaign: Campaign, masks: dict[str, Masks]) -> list[str]:
     ]
 
 
-def _pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
-    """The piece that each row is in (n,): gaps that hide commands are cut.
-
-    Lost rows that may hide one command are such a gap if the elevator turned there by
-    what no command says, and more than anywhere else: there a servo lags, or stops.
-    """
-    time = flight.time
-    steps = np.diff(time)
-    is_gap = np.zeros(len(steps), dtype=bool)
-    if flight.command is not None:
-        usual = float(np.median(steps))
-        is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * usual)
-        hides = hides_command(time, flight.command, campaign.switch_rate)
-        hides &= steps > _LOST * usual
-        if hides.any() and flight.elevator is not None:
-            is_gap |= hides & _turns_unknown(flight, campaign, hides)
-    return np.concatenate([[0], np.cumsum(is_gap)])
-
-
-def _turns_unknown(flight: Flight, campaign: Campaign, hides: np.ndarray) -> np.ndarray:
-    """Steps (n - 1,) in which an elevator turns beside its commands, surely so.
-
-    By more than in any that is not near one that hides commands.
-    """
-    alone = dataclasses.replace(campaign, flights=(flight,))
-    [each] = measure_elevators(alone, {})
-    apart = each.angle - each.follow(flight.time, LateServo(*campaign.limits))
-    rows = sliding_window_view(np.pad(apart, _BESIDE, mode="edge"), _BESIDE)
-    level = np.median(rows, axis=1)  # Of which one may be wrong.
-    turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
-    turned = np.abs(turned - np.median(turned))
-    is_near = np.convolve(hides, np.ones(2 * _BESIDE + 1), "same") > 0.0
-    elsewhere = np.max(turned, where=~is_near, initial=0.0)
-    return turned > max(_SURELY * float(robust_std(turned)), elsewhere)
+def _pieces_with_commands(flight: Flight) -> np.ndarray:
+    """The piece that each row is in (n,): gaps that hide commands are cut."""
+    steps = np.diff(flight.time)
+    longest = max(_UNCOMMANDED, _LONG_STEP * float(np.median(steps)))
+    is_gap = (steps > longest) & (flight.command is not None)
+    return np.append(0, np.cumsum(is_gap))
 
 
 def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
@@ -366,8 +333,7 @@ def find_hand(flight: Flight, usable: np.ndarray, gravity: float) -> np.ndarray:
     speed = np.maximum(motion.speed, 1e-3)
     force = motion.acceleration[:, :2] + [0.0, gravity]
     along = np.sum(force * motion.velocity[:, :2], axis=1) / speed
-    is_late = time >= time[0] + _LATER * np.ptp(time)
-    usual = max(float(np.median(along[is_late])), 0.0)
+    usual = max(float(np.median(along[len(along) // 2 :])), 0.0)
     lets_go = along - usual <= _HAND
     free = int(np.argmax(lets_go))
     # First held, then free: 0 is also what `argmax` says of a glider held throughout.
