@@ -60,8 +60,7 @@ def make_campaign(
 
     mapped = [map_flight(recording, mapping, campaign) for recording in recordings]
     campaign = dataclasses.replace(campaign, servo=mapped[0][1])
-    names = [recording.path.name for recording in recordings]
-    campaign = with_flights(campaign, [made for made, _ in mapped], names)
+    campaign = with_flights(campaign, [made for made, _ in mapped])
     check_signs(campaign)
     return campaign
 

@@ -228,14 +228,31 @@ def _force_columns(motion: Motion, wind: np.ndarray) -> np.ndarray:
 
 
 def _columns(motion: Motion, wind: np.ndarray) -> list[np.ndarray]:
-    """Accelerations (k, 2) by forces, by points 1 m off the center, thrust, gravity."""
+    """Accelerations (k, 2) by forces, by points 1 m off the center, thrust, gravity.
+
+    Then by a stall, turning and the airspeed.
+    """
     body, normal = motion.axes
+    forces = _force_columns(motion, wind)
     square = motion.velocity[:, 2:] ** 2
     turning = motion.acceleration[:, 2:]
     ahead = -turning * normal - square * body
     above = turning * body - square * normal
     gravity = [np.broadcast_to(axis, body.shape) for axis in np.eye(2)]
-    return [*_force_columns(motion, wind), ahead, above, body, *gravity]
+    air = motion.velocity[:, :2] - wind
+    speed = np.maximum(np.linalg.norm(air, axis=1, keepdims=True), 1e-3)
+    across = np.sum(air * normal, axis=1)[:, None] / speed
+    lift, along, *_ = forces  # By the normal flow.
+    stalling = [np.abs(across) * lift, np.abs(across) * along]
+    stalling += [across**2 * lift, across * along]
+    spin = motion.velocity[:, 2:] * speed
+    more = [
+        *stalling,
+        spin * normal,
+        spin * body,
+        (speed / np.mean(speed) - 1.0) * lift,
+    ]
+    return [*forces, ahead, above, body, *gravity, *more]
 
 
 def fit_elevator(campaign: Campaign, motions: Motions) -> _ElevatorFit:
@@ -316,7 +333,7 @@ def _each_way(motions: Motions, fit: ForceFit) -> np.ndarray:
     """Logarithm of gravity and its jackknife error (2, ways), by sets of columns."""
     motion = motions.joined.with_pitch(fit.sign)
     target = motion.acceleration[:, :2].reshape(-1)
-    design = np.stack(_fall_columns(motion, fit.wind), axis=2).reshape(len(target), -1)
+    design = np.stack(_columns(motion, fit.wind), axis=2).reshape(len(target), -1)
     _, rest, weight = _fit_robustly(design, target, _FALL_ITERATIONS)
     weight = weight / max(robust_std(rest), 1e-3)
     rows = np.column_stack([design, target]) * weight[:, None]
@@ -339,18 +356,3 @@ def _each_way(motions: Motions, fit: ForceFit) -> np.ndarray:
         errors = [jackknife_error(part) for part in parts if len(part)]
         found.append((size, max(errors)))
     return np.transpose(found)
-
-
-def _fall_columns(motion: Motion, wind: np.ndarray) -> list[np.ndarray]:
-    """Accelerations (k, 2) by all that, and by a stall, turning and the airspeed."""
-    columns = _columns(motion, wind)
-    body, normal = motion.axes
-    air = motion.velocity[:, :2] - wind
-    speed = np.maximum(np.linalg.norm(air, axis=1, keepdims=True), 1e-3)
-    across = np.sum(air * normal, axis=1)[:, None] / speed
-    lift, along, *_ = columns  # By the normal flow.
-    stalling = [np.abs(across) * lift, np.abs(across) * along]
-    stalling += [across**2 * lift, across * along]
-    turning = motion.velocity[:, 2:] * speed
-    quicker = (speed / np.mean(speed) - 1.0) * lift
-    return [*columns, *stalling, turning * normal, turning * body, quicker]

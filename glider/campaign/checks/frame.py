@@ -158,9 +158,8 @@ def _check_path(campaign: Campaign, motions: Motions) -> None:
     """Refuses a pitch that was made from the path: it is no attitude."""
     motion = motions.joined
     vx, vz, _ = motion.velocity.T
-    fast = motion.speed > 0.5 * np.median(motion.speed)
-    path = np.arctan2(vz, vx)[fast]
-    pitch = motion.pose[fast, 2]
+    path = np.arctan2(vz, vx)
+    pitch = motion.pose[:, 2]
     for down in (pitch, -pitch):
         apart = np.angle(np.exp(1j * (path + down)))
         median = float(np.median(np.abs(apart)))

@@ -87,8 +87,7 @@ def _even_times_of(
     shown[shown] = ~find_filled(time[shown], position[shown])
     stamps = time[shown]
     place = position[shown]
-    place = place[:, np.any(place != place[:1], axis=0)]
-    if len(stamps) < _FEWEST or not place.size:
+    if len(stamps) < _FEWEST:
         return None
     even = stamps.copy()
     gain = 0.0
