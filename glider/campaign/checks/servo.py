@@ -196,10 +196,8 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
             "its measured angle, and the commands that were given."
         )
     servo = campaign.limits
-    ahead, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
-    correlation = ahead
-    if -delay > _LEADS:
-        correlation, _ = calc_correlation(elevators, servo=servo)
+    best, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
+    correlation, _ = calc_correlation(elevators, servo=servo)
     follows = abs(correlation)
     if follows < _FOLLOWS:
         shifted, shift = calc_correlation(elevators, _SHIFTS)
@@ -214,7 +212,7 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
         )
     # Under feedback a slow servo swings: a period before, and turned half a period
     # before, commands explain it about as well.
-    is_clear = 1.0 - correlation**2 > _AS_GOOD * (1.0 - ahead**2)
+    is_clear = 1.0 - correlation**2 > _AS_GOOD * (1.0 - best**2)
     if -delay > _LEADS and is_clear:
         campaign.refuse(
             f"column 'elevator' moves {-delay:.3f} s before "

@@ -127,15 +127,16 @@ def fit_servo(
     middle = 0.5 * (low + high)
     span = high - low
     fastest = float(np.max(np.abs(commands)))
+    rates = _LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0
     ranges = {  # Least and most of each, where it begins, and its scale.
         "low": (low - span, middle, low, 0.1),
         "high": (middle, high + span, high, 0.1),
-        "rate": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
+        "rate": rates,
         "skew": (-1.0, 1.0, 0.0, 0.1),
         "lag_by_load": (0.0, _LONGEST[1], 0.02, _STEPS[1]),
         "rate_by_load": (0.0, 1.0, 0.3, 0.1),
         "play": (0.0, span, 0.01, 0.01),
-        "slew": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
+        "slew": rates,
     }
 
     def servo_of(numbers: np.ndarray) -> LateServo:
@@ -193,31 +194,26 @@ def restore_lost(plain: Fit, clock_std: float) -> tuple[Fit, float]:
 
 
 def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
-    """Commands (k,) of which the lost ones are those before [rad/s]."""
+    """Commands (k,) of which the lost ones are those before [rad/s].
+
+    They leave less of the angles after them, from the mean before, than noise of both.
+    """
     switches, commands, _ = each.tape
-    commands = commands.copy()
     period = float(np.median(np.diff(switches)))
-
-    def left_by(commands: np.ndarray, k: int) -> float:
-        """Squares after the k-th command, over those of noise and of the mean before.
-
-        That mean has noise of its own, the same in all rows.
-        """
+    for k in range(1, len(commands)):
         since = each.seen - switches[k] - servo.delay
         before = (since <= 0.0) & (since > -_BEFORE * period)
         after = (since > 0.0) & (since < _AFTER * period + servo.lag)
-        count = np.count_nonzero(before)
-        if not count:
-            return 0.0
-        error = each.angle - each.given(commands).follow(each.seen, servo)
-        squares = np.sum((error[after] - np.mean(error[before])) ** 2)
-        return float(squares) / (1.0 + np.count_nonzero(after) / count)
-
-    for k in range(1, len(commands)):
+        if not before.any():
+            continue
         held = commands.copy()
         held[k] = held[k - 1]
-        gain = left_by(commands, k) - left_by(held, k)
-        if gain > 2.0 * noise**2 * LEAST_EVIDENCE:
+        left = []
+        for given in (commands, held):
+            error = each.angle - each.given(given).follow(each.seen, servo)
+            left.append(np.sum((error[after] - np.mean(error[before])) ** 2))
+        least = 2.0 * noise**2 * LEAST_EVIDENCE * (1.0 + np.sum(after) / np.sum(before))
+        if left[0] - left[1] > least:
             commands = held
     return commands
 
@@ -232,16 +228,14 @@ def find_step(plain: Fit, clock_std: float) -> tuple[Fit, float]:
             for each in plain.elevators
         ]
 
-    def likelihood(inverse: float) -> float:
-        return Fit(servo=plain.servo, elevators=behind(1.0 / inverse)).likelihood
-
     # By a step that is wrong by so much, usual commands are off by a tenth of it.
     apart = 0.1 / float(np.sqrt(np.mean(commands**2)))
     least = 1.0 / float(np.max(np.abs(commands)))
     inverse = np.arange(least, 1.0 / least_step(plain), apart)
     cost = math.log(len(inverse) * _FINER**2)
     for _ in range(3):
-        best = inverse[np.argmax([likelihood(value) for value in inverse])]
+        fits = [Fit(servo=plain.servo, elevators=behind(1.0 / i)) for i in inverse]
+        best = inverse[np.argmax([fit.likelihood for fit in fits])]
         inverse = best + apart * np.linspace(-0.5, 0.5, _FINER)
         apart *= 2.0 / (_FINER - 1)
     return fit_servo(behind(1.0 / best), plain.servo, clock_std, cost=cost), 1.0 / best
