@@ -6,7 +6,6 @@ accelerates it along its path is a hand. Rows are excluded, never corrected.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -62,13 +61,6 @@ hand exerts [m/s²]; wind, drag and a thrust of half the weight stay below."""
 _STOPPED = 0.25  # Share of flights ending in a contact above which all may.
 _AT_STOP = "pose: the last row before a contact, as most flights end in one"
 _HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's start.
-
-
-class _Scale(NamedTuple):
-    """Noise and last digits of the columns of logs."""
-
-    noise: np.ndarray  #: (k,) standard deviations.
-    digits: np.ndarray  #: (k,)
 
 
 def find_faults(campaign: Campaign) -> Inspection:
@@ -155,7 +147,7 @@ def _pieces_with_commands(flight: Flight) -> np.ndarray:
     return np.append(0, np.cumsum(is_gap))
 
 
-def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
+def _pose_faults(flight: Flight, scale: np.ndarray) -> dict[str, np.ndarray]:
     """Faulty rows (n,) of the pose, by the reason."""
     time = flight.time
     pose = flight.pose
@@ -163,15 +155,14 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
     frozen = find_repeats(pose, _EQUAL_POSES)
     again = _find_held(pose, scale, 2) & ~frozen
     for k in range(3):  # One column alone is frozen later than all.
-        alone = _Scale(scale.noise[[k]], scale.digits[[k]])
-        frozen |= _find_held(pose[:, [k]], alone, _EQUAL_NUMBERS)
+        frozen |= _find_held(pose[:, [k]], scale[:, [k]], _EQUAL_NUMBERS)
     filled = find_filled(time, pose[:, :2]) & ~(again | frozen)
     turned = _find_turned_over(flight)
     usable = ~(unknown | again | frozen | filled | turned)
     standing = _find_standing(flight, usable)
     usable &= ~standing
     own = _measure_noise(time[usable], pose[usable])
-    track = Rows(time, pose, np.clip(own, scale.noise, 3.0 * scale.noise))
+    track = Rows(time, pose, np.clip(own, scale[0], 3.0 * scale[0]))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
         "pose: is not a number": unknown,
@@ -208,8 +199,8 @@ def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return robust_std(differences) if len(differences) else np.zeros(values.shape[1])
 
 
-def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> _Scale:
-    """Noise and last digits of logs of times (n,) and columns (n, k), without repeats.
+def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Noise and last digits (2, k) of logs: times (n,), columns (n, k), no repeats.
 
     Second differences are small multiples of the last digit.
     """
@@ -221,7 +212,7 @@ def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> _Scale:
         steps.append(np.diff(values[fresh], 2, axis=0))
     sizes = np.round(np.abs(np.concatenate(steps)), _DECIMALS)
     digits = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
-    return _Scale(np.median(noises, axis=0), digits)
+    return np.stack([np.median(noises, axis=0), digits])
 
 
 def find_stale(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -235,11 +226,11 @@ def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
     Second differences of what cameras measure have noise; of rows that fill a gap, but
     for rounding, they are zero in all columns at once.
     """
-    scale = _measure_scale([(time, position)])
-    moves = np.isfinite(scale.digits)
-    noise = scale.noise[moves]
+    noise, digits = _measure_scale([(time, position)])
+    moves = np.isfinite(digits)
+    noise = noise[moves]
     is_filled = np.zeros(len(time), dtype=bool)
-    is_fine = noise > _LEAST_NOISE * scale.digits[moves]
+    is_fine = noise > _LEAST_NOISE * digits[moves]
     if len(time) < 3 or not moves.any() or not is_fine.all():
         return is_filled
     steps = np.diff(time)[:, None]
@@ -252,7 +243,7 @@ def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
     return is_filled
 
 
-def _find_held(values: np.ndarray, scale: _Scale, least: int) -> np.ndarray:
+def _find_held(values: np.ndarray, scale: np.ndarray, least: int) -> np.ndarray:
     """Rows (n,) that repeat the one before, of `least` equal ones, though a body moves.
 
     A camera that measures again measures another number, but for its last digit and
@@ -261,8 +252,9 @@ def _find_held(values: np.ndarray, scale: _Scale, least: int) -> np.ndarray:
     columns are noisier than their digits by so much that many equal numbers cannot be.
     """
     held = np.zeros(len(values), dtype=bool)
-    surely = np.maximum(_SURELY * scale.noise, _QUANTA * scale.digits)
-    is_noisy = least >= _EQUAL_NUMBERS and np.all(scale.noise > _NOISY * scale.digits)
+    noise, digits = scale
+    surely = np.maximum(_SURELY * noise, _QUANTA * digits)
+    is_noisy = least >= _EQUAL_NUMBERS and np.all(noise > _NOISY * digits)
     for first, last in stretches(find_repeats(values, least)):
         beside = last + 1 if last + 1 < len(values) else first - 2
         moved = np.abs(values[beside] - values[last])
