@@ -228,11 +228,9 @@ def split_flights(
             f"found {count} flight{'s' * (count != 1)}; expected at "
             "least 3, to fit and to hold out."
         )
-    if not 0 < held_out_fraction < 1:
-        raise InputError(
-            f"The held-out fraction is {show(held_out_fraction)}; "
-            "expected a number between 0 and 1."
-        )
+    is_share = 0 < held_out_fraction < 1
+    expected = "a number between 0 and 1"
+    expect(is_share, "The held-out fraction", held_out_fraction, expected)
     num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)
     order = np.random.default_rng(seed).permutation(count)
     flights = sorted(campaign.flights, key=lambda flight: flight.name)
