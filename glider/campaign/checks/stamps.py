@@ -157,7 +157,8 @@ def _find_lost(position: np.ndarray) -> np.ndarray:
     around = np.pad(way, _AROUND // 2, mode="reflect")
     usual = np.median(sliding_window_view(around, _AROUND), axis=1)
     noise = np.linalg.norm(_noise(np.arange(len(position)), position))
-    steps = np.round(way / np.where(usual > _SURELY * noise, usual, np.inf))
+    is_sure = 0.5 * usual > _SURELY * noise  # Half a step more is no noise.
+    steps = np.round(way / np.where(is_sure, usual, np.inf))
     lost = np.clip(steps - 1.0, 0.0, _MOST_LOST)
     return np.append(0, np.cumsum(lost.astype(int)))
 
