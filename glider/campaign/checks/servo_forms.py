@@ -13,10 +13,9 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from glider.campaign.checks.masks import Masks, masks_of
-from glider.campaign.checks.motion import calc_motion
 from glider.campaign.checks.servo import Elevator, LateServo
 from glider.campaign.logs import Campaign
-from glider.campaign.smoothing import Smoothing, estimate_noise
+from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.physics.parameters import GliderParameters
 
 LEAST_EVIDENCE = 6.0
@@ -259,18 +258,21 @@ def with_loads(
     usual = GliderParameters().hinge_offset
     arm = campaign.vehicle.get("hinge_offset", usual)
     flights = {flight.name: flight for flight in campaign.flights}
-    loads = []
+    logs = []
     for each in elevators:
         flight = flights[each.name]
         usable = masks_of(flight, masks).usable
-        motion = calc_motion(flight.time[usable], flight.pose[usable])
-        x, z, turning = motion.velocity.T
-        angle = np.interp(motion.time, each.seen, each.angle)
-        e = motion.pose[:, 2] + angle
+        logs.append((flight.time[usable], flight.pose[usable]))
+    times, poses = zip(*logs, strict=True)
+    ratio = max(channel.ratio for channel in estimate_noise(times, poses))
+    loads = []
+    for each, (time, pose) in zip(elevators, logs, strict=True):
+        curve, rate = smoothing_maps(time, each.time, ratio)[:2] @ pose
+        x, z, turning = rate.T
+        angle = np.interp(each.time, each.seen, each.angle)
+        e = curve[:, 2] + angle
         across = x * np.sin(e) + z * np.cos(e) + arm * turning * np.cos(angle)
-        load = np.abs(across) * motion.speed
-        known = len(load) > 0
-        loads.append(np.interp(each.time, motion.time, load) if known else np.zeros(1))
+        loads.append(np.abs(across) * np.hypot(x, z))
     most = max(float(np.max(load)) for load in loads)
     pairs = zip(elevators, loads, strict=True)
     return [each._replace(load=load / most) for each, load in pairs]
