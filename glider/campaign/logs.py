@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -105,6 +105,10 @@ class Campaign:
     def __repr__(self) -> str:
         """Returns one line, as a notebook shows it."""
         return f"Campaign('{self.name}', {len(self.flights)} flights)"
+
+    def refuse(self, words: str) -> NoReturn:
+        """Raises InputError that says which campaign cannot be used, and why."""
+        raise InputError(f"{self.path}: {words}")
 
     @classmethod
     def from_arrays(
@@ -220,15 +224,13 @@ def split_flights(
     """
     count = len(campaign.flights)
     if count < 3:
-        raise InputError(
-            f"{campaign.path}: found {count} flight{'s' * (count != 1)}; expected at "
+        campaign.refuse(
+            f"found {count} flight{'s' * (count != 1)}; expected at "
             "least 3, to fit and to hold out."
         )
-    if not 0 < held_out_fraction < 1:
-        raise InputError(
-            f"The held-out fraction is {show(held_out_fraction)}; "
-            "expected a number between 0 and 1."
-        )
+    is_share = 0 < held_out_fraction < 1
+    expected = "a number between 0 and 1"
+    expect(is_share, "The held-out fraction", held_out_fraction, expected)
     num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)
     order = np.random.default_rng(seed).permutation(count)
     flights = sorted(campaign.flights, key=lambda flight: flight.name)

@@ -63,23 +63,6 @@ def command_steps(
     return np.concatenate([time[:1], switches]), commands
 
 
-def hides_command(
-    time: np.ndarray, command: np.ndarray, command_rate: float | None
-) -> np.ndarray:
-    """Returns which steps between a log's rows hide a whole command of a clock, (n-1,).
-
-    The arguments are those of `command_steps`. None does where no clock is found.
-    """
-    rows = np.flatnonzero(np.diff(command)) + 1
-    clock = None
-    if command_rate != np.inf:
-        clock = _find_clock(time, rows, command_rate)
-    if clock is None:
-        return np.zeros(len(time) - 1, dtype=bool)
-    ticks = _ticks(time, *clock)
-    return np.diff(ticks) > 1.0
-
-
 def _ticks(
     times: np.ndarray, phase: float | np.ndarray, period: float | np.ndarray
 ) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from glider.physics.held_commands import command_steps, hides_command
+from glider.physics.held_commands import command_steps
 
 
 def logged(time, switches, commands):
@@ -46,17 +46,6 @@ def test_a_log_that_begins_at_any_row_has_the_same_commands(rate):
         switches, _ = command_steps(time[first:] - time[first], column[first:], 50.0)
         true = begins[begins > time[first] + 1e-9]
         np.testing.assert_allclose(switches[1:] + time[first], true, atol=1e-9)
-
-
-def test_a_gap_hides_a_command_where_two_ticks_are_in_it():
-    time = np.delete(np.arange(60) / 120.0, [8, 9, 21, 22, 40])
-    begins = np.arange(0.0, 0.6, 0.02)
-    command = logged(time, begins, np.random.default_rng(0).normal(size=len(begins)))
-    hidden = hides_command(time, command, 50.0)
-    # That of 60 to 80 ms; at 175 and 183 ms two commands are shown by other rows too.
-    assert [*np.flatnonzero(hidden)] == [7]
-    assert not hides_command(time, command, np.inf).any()
-    assert not hides_command(time, 0.0 * command, 50.0).any()
 
 
 def test_without_a_clock_a_command_begins_half_a_row_before_it_shows():

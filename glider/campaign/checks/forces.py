@@ -48,7 +48,7 @@ from glider.campaign.logs import Campaign, Flight
 START = 0.3  # Time after its release in which a glider goes where its nose is [s].
 _STRIDE = 3  # Rows from one acceleration to the next: those between add nothing new.
 _ITERATIONS = 7
-_WIND_AT = slice(7, 9)  # Columns of the wind, after forces, offsets and thrust.
+_GRAVITY = slice(7, 9)  # Columns of a constant, after forces, offsets and thrust.
 _STEP = 0.01  # Of the wind, for slopes [m/s].
 _WIND = 2.0  # Standard deviation of its prior, of the weight of one row [m/s].
 _MAX_WIND = 6.0  # [m/s]
@@ -69,13 +69,13 @@ _LEAST_ERROR = 0.02  # Of the logarithm of gravity: of the local cubics.
 _WAY_ERROR = 0.03  # Of each way, below which ways count as equally certain.
 _FALL_ITERATIONS = 4  # Of Huber's weights.
 
-_OPTIONAL = ([8, 9], [10], [11, 12], [13])  # Of offset, thrust, turning, airspeed.
-_FIXED = [*range(8), 14, 15]  # Columns of forces and gravity.
-_GRAVITY = slice(8, 10)  # Where it stands among these.
-_PRIORS = np.repeat([10.0, 0.3, 10.0, 1.0, 10.0, 1e3], [8, 2, 1, 2, 1, 2])
+_OF_WAY = np.repeat([4, 0, 1, 4, 2, 3], [4, 2, 1, 6, 2, 1])
+"""Which columns a way may omit: offsets, thrust, turning, airspeed; 4 are none."""
+_PRIORS = np.repeat([10.0, 0.3, 10.0, 1e3, 10.0, 1.0, 10.0], [4, 2, 1, 2, 4, 2, 1])
 """Standard deviations of the coefficients: forces [1/m], offsets [m], thrust [m/s²],
-turning, a lift that is proportional to the airspeed's departure from its mean [1/m],
-gravity [m/s²]."""
+gravity [m/s²], forces of a stall [1/m], turning, a lift that is proportional to the
+airspeed's departure from its mean [1/m]."""
+_OMITTED = 1e-6  # The same of a column that a way omits.
 
 
 class ForceFit(NamedTuple):
@@ -135,8 +135,8 @@ class Motions:
         motion = _join(early).with_pitch(sign)
         body, _ = motion.axes
         along = np.sum(motion.velocity[:, :2] * body, axis=1)
-        power = np.sum(motion.speed**2)
-        return float(np.sum(along * motion.speed) / max(power, 1e-12))
+        weight = np.maximum(motion.speed, 1e-12)
+        return float(np.sum(along * weight) / np.sum(weight**2))
 
 
 def measure_motions(flights: Iterable[Flight], masks: Mapping[str, Masks]) -> Motions:
@@ -165,62 +165,53 @@ def fit_forces(
 def _fit(motion: Motion, sign: int, down: np.ndarray | None) -> ForceFit:
     """Fits by Gauss-Newton (the wind is not linear) with Huber's weights."""
     motion = motion.with_pitch(sign)
+    known = np.zeros(2) if down is None else down
+    count = _GRAVITY.stop if down is None else _GRAVITY.start
+    target = np.ravel(motion.acceleration[:, :2] - known)
+    weight = np.ones(len(target) + 2)
     wind = np.zeros(2)
-    forces = np.zeros(4)
-    thrust, _ = motion.axes
-    others = [*_offset_columns(motion), thrust]
-    acceleration = motion.acceleration[:, :2]
-    constants = []
-    if down is None:
-        constants = [np.broadcast_to(axis, acceleration.shape) for axis in np.eye(2)]
-    else:
-        acceleration = acceleration - down
-    target = acceleration.reshape(-1)
-    weight = np.ones(len(target))
+    solution = np.zeros(count + 2)
     for iteration in range(_ITERATIONS):
-        flows = _force_columns(motion, wind)
+        columns = _columns(motion, wind)[:count]
         slopes = []
         for step in _STEP * np.eye(2):
-            change = _force_columns(motion, wind + step) - flows
-            slopes.append(np.tensordot(forces, change, 1))
-        columns = [*flows, *others, *slopes, *constants]
-        design = np.stack(columns, axis=2).reshape(len(target), -1)
-        prior = np.zeros((2, design.shape[1]))
-        prior[:, _WIND_AT] = np.eye(2) * _STEP / _WIND
-        rows = np.concatenate([design * weight[:, None], prior])
-        values = np.concatenate([target * weight, -wind / _WIND])
-        solution = np.linalg.lstsq(rows, values, rcond=None)[0]
-        rest = target - design @ solution
-        weight = _huber_weights(rest)
-        forces = solution[:4]
+            change = _force_columns(motion, wind + step) - columns[:4]
+            slopes.append(np.tensordot(solution[:4], change, 1))
+        design = np.stack([*columns, *slopes], axis=2).reshape(len(target), -1)
+        prior = np.eye(2, count + 2, count) * _STEP / _WIND
+        design = np.concatenate([design, prior])
+        values = np.append(target, -wind / _WIND)
+        solution, rest, weight = _fit_robustly(design, values, 1, weight)
         if iteration > 0:  # Without forces a wind changes nothing.
-            change = _STEP * solution[_WIND_AT]
+            change = _STEP * solution[count:]
             change *= min(1.0, 2.0 / max(float(np.hypot(*change)), 1e-12))
             wind = np.clip(wind + change, -_MAX_WIND, _MAX_WIND)
-    constant = solution[_WIND_AT.stop :] if down is None else down
-    return ForceFit(sign, constant, forces, wind, _rms(weight * rest))
+    constant = solution[_GRAVITY] if down is None else down
+    return ForceFit(sign, constant, solution[:4], wind, _rms(weight * rest))
 
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _huber_weights(rest: np.ndarray) -> np.ndarray:
-    """Square roots of Huber's weights of residuals (n,), by their own robust scale."""
-    bound = _HUBER * (robust_std(rest) + 1e-9)
-    return np.sqrt(np.minimum(1.0, bound / np.maximum(np.abs(rest), 1e-12)))
-
-
 def _fit_robustly(
-    design: np.ndarray, target: np.ndarray, iterations: int = _ITERATIONS
+    design: np.ndarray,
+    target: np.ndarray,
+    iterations: int = _ITERATIONS,
+    weight: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coefficients, residuals (n,) and weights (n,) of a fit with Huber's weights."""
-    weight = np.ones(len(target))
+    """Coefficients, residuals (n,) and weights (n,) of a fit with Huber's weights.
+
+    They are the square roots, by the residuals' own robust scale.
+    """
+    if weight is None:
+        weight = np.ones(len(target))
     for _ in range(iterations):
         rows = design * weight[:, None]
         solution = np.linalg.lstsq(rows, target * weight, rcond=None)[0]
         rest = target - design @ solution
-        weight = _huber_weights(rest)
+        bound = _HUBER * (robust_std(rest) + 1e-9)
+        weight = np.sqrt(np.minimum(1.0, bound / np.maximum(np.abs(rest), 1e-12)))
     return solution, rest, weight
 
 
@@ -236,12 +227,32 @@ def _force_columns(motion: Motion, wind: np.ndarray) -> np.ndarray:
     return np.stack(columns)
 
 
-def _offset_columns(motion: Motion) -> list[np.ndarray]:
-    """Accelerations (k, 2) of points 1 m ahead of and above the center."""
+def _columns(motion: Motion, wind: np.ndarray) -> list[np.ndarray]:
+    """Accelerations (k, 2) by forces, by points 1 m off the center, thrust, gravity.
+
+    Then by a stall, turning and the airspeed.
+    """
     body, normal = motion.axes
+    forces = _force_columns(motion, wind)
     square = motion.velocity[:, 2:] ** 2
     turning = motion.acceleration[:, 2:]
-    return [-turning * normal - square * body, turning * body - square * normal]
+    ahead = -turning * normal - square * body
+    above = turning * body - square * normal
+    gravity = [np.broadcast_to(axis, body.shape) for axis in np.eye(2)]
+    air = motion.velocity[:, :2] - wind
+    speed = np.maximum(np.linalg.norm(air, axis=1, keepdims=True), 1e-3)
+    across = np.sum(air * normal, axis=1)[:, None] / speed
+    lift, along, *_ = forces  # By the normal flow.
+    stalling = [np.abs(across) * lift, np.abs(across) * along]
+    stalling += [across**2 * lift, across * along]
+    spin = motion.velocity[:, 2:] * speed
+    more = [
+        *stalling,
+        spin * normal,
+        spin * body,
+        (speed / np.mean(speed) - 1.0) * lift,
+    ]
+    return [*forces, ahead, above, body, *gravity, *more]
 
 
 def fit_elevator(campaign: Campaign, motions: Motions) -> _ElevatorFit:
@@ -257,14 +268,13 @@ def fit_elevator(campaign: Campaign, motions: Motions) -> _ElevatorFit:
         if flight.elevator is None or len(motion.time) < 3:
             continue
         angle = np.interp(motion.time, flight.time, flight.elevator)
-        vx, vz, rate = motion.velocity.T
+        vx, vz, turning = motion.velocity.T
         alpha = np.arctan2(-vz, vx) - motion.pose[:, 2]
         across = np.sin(alpha)
         along = np.cos(alpha)
-        lift = np.stack([angle, across, along, across * along])
-        turning = np.stack([rate, np.gradient(angle, motion.time)])
-        speed = motion.speed
-        designs.append(np.concatenate([speed**2 * lift, speed * turning]).T)
+        square = motion.speed * np.stack([angle, across, along, across * along])
+        rates = [*square, turning, np.gradient(angle, motion.time)]
+        designs.append((motion.speed * rates).T)
         targets.append(motion.acceleration[:, 2])
     design = np.concatenate(designs)
     solution, rest, weight = _fit_robustly(design, np.concatenate(targets))
@@ -288,14 +298,11 @@ def check_fall(
     shown = Motions(tuple(motion for motion in motions.each if len(motion.time)))
     if not shown.each:
         return ()
-    are_few = len(shown.each) < _MIN_FLIGHTS
     refused = _OFF[1]
     surely = _SURELY
-    if are_few or shown.are_alike:
+    if len(shown.each) < _MIN_FLIGHTS or shown.are_alike:
         refused = math.inf
         surely = 2.0 * _SURELY
-    if are_few:
-        shown = _cut(shown)
     fall, error = _measure_fall(shown)
     if error > _UNKNOWN:
         words = "check the units of lengths and times"
@@ -309,15 +316,6 @@ def check_fall(
         "large ('units: time', the frame rate), or the right gravity"
     )
     return claim_scale(campaign, ratio, surely * error, (_OFF[0], refused), found)
-
-
-def _cut(motions: Motions) -> Motions:
-    """Pieces of flights, as flights."""
-    pieces = []
-    for motion in motions.each:
-        parts = [np.array_split(values, _PIECES) for values in motion]
-        pieces += [Motion(*values) for values in zip(*parts, strict=True)]
-    return Motions(tuple(pieces))
 
 
 def _measure_fall(motions: Motions) -> tuple[float, float]:
@@ -334,49 +332,27 @@ def _measure_fall(motions: Motions) -> tuple[float, float]:
 def _each_way(motions: Motions, fit: ForceFit) -> np.ndarray:
     """Logarithm of gravity and its jackknife error (2, ways), by sets of columns."""
     motion = motions.joined.with_pitch(fit.sign)
-    columns = _fall_columns(motion, fit.wind)
     target = motion.acceleration[:, :2].reshape(-1)
-    design = np.moveaxis(columns, 0, 2).reshape(len(target), -1)
+    design = np.stack(_columns(motion, fit.wind), axis=2).reshape(len(target), -1)
     _, rest, weight = _fit_robustly(design, target, _FALL_ITERATIONS)
     weight = weight / max(robust_std(rest), 1e-3)
     rows = np.column_stack([design, target]) * weight[:, None]
     ends = np.cumsum([2 * len(each.time) for each in motions.each])[:-1]
-    squares = []
-    for flight in np.split(rows, ends):
-        pieces = np.array_split(flight, _PIECES)
-        squares.append([piece.T @ piece for piece in pieces])
-    total = np.sum(squares, axis=(0, 1))
-    without_flight = total - np.sum(squares, axis=1)
-    without_piece = total - np.sum(squares, axis=0)  # Of all flights.
-    samples = np.concatenate([total[None], without_flight, without_piece])
+    pieces = [np.array_split(flight, _PIECES) for flight in np.split(rows, ends)]
+    squares = np.array([[own.T @ own for own in flight] for flight in pieces])
+    flights = np.sum(squares, axis=1)
+    total = np.sum(flights, axis=0)
+    if len(flights) < _MIN_FLIGHTS:
+        flights = flights[:0]
+    omitted = [0.0 * total[None], flights, np.sum(squares, axis=0)]
+    samples = total - np.concatenate(omitted)
     found = []
-    for chosen in itertools.product((False, True), repeat=len(_OPTIONAL)):
-        optional = itertools.compress(_OPTIONAL, chosen)
-        index = [*_FIXED, *itertools.chain(*optional)]
-        products = samples[:, index]
-        square = products[:, :, index] + np.diag(_PRIORS[index] ** -2.0)
-        solution = np.linalg.solve(square, products[:, :, -1:])[..., 0]
-        gravity = np.linalg.norm(solution[:, _GRAVITY], axis=1)
-        size, *others = np.log(gravity)
-        parts = np.split(np.array(others), [len(motions.each)])
-        found.append((size, max(jackknife_error(part) for part in parts)))
+    for chosen in itertools.product((_OMITTED, 1.0), repeat=4):
+        freedom = np.array([*chosen, 1.0])[_OF_WAY] * _PRIORS
+        square = samples[:, :-1, :-1] + np.diag(freedom**-2.0)
+        solution = np.linalg.solve(square, samples[:, :-1, -1:])[:, _GRAVITY, 0]
+        size, *others = np.log(np.linalg.norm(solution, axis=1))
+        parts = np.split(np.array(others), [len(flights)])
+        errors = [jackknife_error(part) for part in parts if len(part)]
+        found.append((size, max(errors)))
     return np.transpose(found)
-
-
-def _fall_columns(motion: Motion, wind: np.ndarray) -> np.ndarray:
-    """Accelerations (16, k, 2) by forces, offsets, thrust, turning and gravity."""
-    body, normal = motion.axes
-    air = motion.velocity[:, :2] - wind
-    speed = np.linalg.norm(air, axis=1, keepdims=True)
-    speed = np.maximum(speed, 1e-3)
-    across = np.sum(air * normal, axis=1)[:, None] / speed
-    flows = _force_columns(motion, wind)
-    lift, along, *_ = flows  # By the normal flow.
-    stalling = [np.abs(across) * lift, np.abs(across) * along]
-    stalling += [across**2 * lift, across * along]
-    turning = motion.velocity[:, 2:] * speed
-    quicker = speed / np.mean(speed) - 1.0
-    others = [body, turning * normal, turning * body, quicker * lift]
-    gravity = np.broadcast_to(np.eye(2)[:, None], (2, len(speed), 2))
-    offsets = _offset_columns(motion)
-    return np.stack([*flows, *stalling, *offsets, *others, *gravity])

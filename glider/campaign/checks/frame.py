@@ -16,6 +16,7 @@ undetermined, which `_CLEARLY` detects. The wrong sign of the pitch raises the m
 errors or more, and its rate correlates with the commands by 0.94.
 """
 
+import collections
 import math
 from collections.abc import Sequence
 
@@ -32,7 +33,6 @@ from glider.campaign.checks.servo import (
     measure_elevators,
 )
 from glider.campaign.logs import Campaign
-from glider.errors import InputError
 from glider.physics.parameters import GliderParameters
 
 _MIN_FLIGHTS = 3
@@ -48,9 +48,8 @@ _CLEARLY = 1.25
 """Ratio of misfits, with gravity given and free, above which the data contradict it;
 its square where flights are alike. Measured of 8 to 60 throws of one plan: 1.28 at most
 of four gliders, 1.6 and more with x and z exchanged."""
-_STILL = 0.11
-"""Travel below which a pitch may be 57.3 times too small, as radians taken for degrees:
-0.38 and more in 150 sets of one to forty flights [rad]."""
+_OTHER_UNITS = {"in degrees": np.pi / 180.0, "57.3 times as large": 180.0 / np.pi}
+"""What a pitch in another unit is multiplied by."""
 _PATH = 0.01
 """Median angle of attack below which the pitch is taken for that of the path [rad]; the
 plate of the default glider needs 0.15 at 7 m/s to carry it."""
@@ -111,8 +110,8 @@ def check_tail(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
     fit = forces.fit_elevator(campaign, motions)
     ratio = abs(fit.gain) / given
     if abs(fit.effect) > SIGNIFICANT and not 1.0 / _TAIL < ratio < _TAIL:
-        raise InputError(
-            f"{campaign.path}: the tail of 'elevator_area' {area:g} m², {arm:g} m "
+        campaign.refuse(
+            f"the tail of 'elevator_area' {area:g} m², {arm:g} m "
             f"behind ('hinge_offset' + 'elevator_offset'), at a 'pitch_inertia' of "
             f"{inertia:g} kg m² contradicts the measured pitch accelerations by a "
             f"factor of {max(ratio, 1.0 / ratio):.2g}; expected m², m and kg m²."
@@ -139,45 +138,34 @@ def _check_columns(campaign: Campaign, motions: Motions) -> None:
     widest = np.max(travels, axis=0)
     for travel, (name, least) in zip(widest, _LEAST.items(), strict=True):
         if travel < least:
-            raise InputError(
-                f"{campaign.path}: column '{name}' does not change in any flight; "
+            campaign.refuse(
+                f"column '{name}' does not change in any flight; "
                 "expected one that moves with the glider."
             )
     motion = motions.joined
     pitch = motion.pose[:, 2]
-    degree = np.pi / 180.0
-    if np.ptp(np.percentile(pitch, [2, 98])) > np.pi:
-        gain = degree
-        clearly = 2.0
-        words = "in degrees"
-    elif np.ptp(pitch) < _STILL:
-        gain = 1.0 / degree
-        clearly = 1.2
-        words = "57.3 times as large"
-    else:
-        return
-    other = motion._replace(pose=motion.pose * [1.0, 1.0, gain])
-    if clearly * forces.fit_forces(other).misfit < motions.fit.misfit:
-        raise InputError(
-            f"{campaign.path}: column 'pitch' fits the motion {words} (it is read "
-            f"as {pitch.min():.3g} to {pitch.max():.3g} rad); expected the unit "
-            "that it is logged in, degrees or radians."
-        )
+    for words, gain in _OTHER_UNITS.items():
+        other = motion._replace(pose=motion.pose * [1.0, 1.0, gain])
+        if _DISAGREES * forces.fit_forces(other).misfit < motions.fit.misfit:
+            campaign.refuse(
+                f"column 'pitch' fits the motion {words} (it is read "
+                f"as {pitch.min():.3g} to {pitch.max():.3g} rad); expected the unit "
+                "that it is logged in, degrees or radians."
+            )
 
 
 def _check_path(campaign: Campaign, motions: Motions) -> None:
     """Refuses a pitch that was made from the path: it is no attitude."""
     motion = motions.joined
     vx, vz, _ = motion.velocity.T
-    fast = motion.speed > 0.5 * np.median(motion.speed)
-    path = np.arctan2(vz, vx)[fast]
-    pitch = motion.pose[fast, 2]
+    path = np.arctan2(vz, vx)
+    pitch = motion.pose[:, 2]
     for down in (pitch, -pitch):
         apart = np.angle(np.exp(1j * (path + down)))
         median = float(np.median(np.abs(apart)))
         if median < _PATH:
-            raise InputError(
-                f"{campaign.path}: column 'pitch' is the direction of the path (they "
+            campaign.refuse(
+                f"column 'pitch' is the direction of the path (they "
                 f"differ by {median:.2g} rad); expected the measured attitude."
             )
 
@@ -196,13 +184,13 @@ def _check_down(campaign: Campaign, motions: Motions) -> None:
         return
     fall = np.hypot(x, z)
     if np.pi - angle <= _UPRIGHT:
-        raise InputError(
-            f"{campaign.path}: frame: 'up' has the wrong sign: the flights fall along "
+        campaign.refuse(
+            f"frame: 'up' has the wrong sign: the flights fall along "
             f"+z, at {fall:.3g} m/s²; expected column 'z' to point up."
         )
     toward = "+x" if x > 0.0 else "-x"
-    raise InputError(
-        f"{campaign.path}: the flights fall along {toward}, at {fall:.3g} m/s²; "
+    campaign.refuse(
+        f"the flights fall along {toward}, at {fall:.3g} m/s²; "
         "expected 'z' to point up and 'x' along the throw (are they exchanged?)."
     )
 
@@ -212,19 +200,19 @@ def _check_ahead(campaign: Campaign, motions: Motions) -> None:
     is_ahead = motions.calc_heading(motions.fit.sign) >= 0.0
     is_back = bool(np.mean(motions.joined.velocity[:, 0]) < 0.0)
     if is_back and is_ahead:
-        raise InputError(
-            f"{campaign.path}: the flights go along -x, with the nose there; "
+        campaign.refuse(
+            "the flights go along -x, with the nose there; "
             "expected 'x' to point along the throw."
         )
     if is_back:
-        raise InputError(
-            f"{campaign.path}: frame: 'forward' has the wrong sign: the flights go "
+        campaign.refuse(
+            "frame: 'forward' has the wrong sign: the flights go "
             "along -x, tail first; expected column 'x' to point along the throw (do "
             "the rows run backwards?)."
         )
     if not is_ahead:
-        raise InputError(
-            f"{campaign.path}: the flights go tail first (column 'pitch' is off by "
+        campaign.refuse(
+            "the flights go tail first (column 'pitch' is off by "
             "half a turn); expected pitch 0 to mean the nose along x."
         )
 
@@ -257,8 +245,8 @@ def _check_force(campaign: Campaign, motions: Motions) -> None:
         excess = unit
     if assumed:
         hint += f"; '{assumed[0]}' is not specified, that is assumed"
-    raise InputError(
-        f"{campaign.path}: the wing loading {mass:g} kg / {area:g} m² = "
+    campaign.refuse(
+        f"the wing loading {mass:g} kg / {area:g} m² = "
         f"{mass / area:.2g} kg/m² contradicts the measured forces by a factor of "
         f"{max(excess, 1.0 / excess):.0f}{hint}; expected kg, m² and kg/m³."
     )
@@ -304,16 +292,16 @@ def _check_release(campaign: Campaign) -> None:
         ("roll", "yaw"), ("top", "nose"), median, strict=True
     ):
         if angle > _ASTRAY:
-            raise InputError(
-                f"{campaign.path}: frame: with these axes the {name} is "
+            campaign.refuse(
+                f"frame: with these axes the {name} is "
                 f"{np.degrees(angle):.0f}° at release; expected the right '{field}' "
                 "(the axis of the body that points there), 'rotation' or 'up'."
             )
     bank = np.median(np.abs(np.concatenate(rolls)))
     aside, fall = np.abs(np.median(bends, axis=0))
     if aside > max(fall, campaign.gravity * (np.tan(bank) + _ASIDE)):
-        raise InputError(
-            f"{campaign.path}: frame: the flights fall sideways, at {aside:.3g} m/s², "
+        campaign.refuse(
+            f"frame: the flights fall sideways, at {aside:.3g} m/s², "
             "more than a bank explains; expected 'z' or 'up' to point up."
         )
 
@@ -328,8 +316,8 @@ def _check_climb(campaign: Campaign, motions: Motions) -> None:
         x, z = motions.fit.constant
         if np.hypot(x, z + campaign.gravity) < _NEAR * campaign.gravity:
             return
-    raise InputError(
-        f"{campaign.path}: frame: the flights go {up:.3g} m along 'up' and "
+    campaign.refuse(
+        f"frame: the flights go {up:.3g} m along 'up' and "
         f"{along:.3g} m along the throw, which forces do not confirm; expected "
         "most of the way along the throw ('up', 'forward', or a column 'y')."
     )
@@ -339,8 +327,8 @@ def _check_pitch(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
     """Refuses a pitch with the wrong sign, or another angle in its place."""
     heading = motions.calc_heading(1)
     if heading < _AHEAD:
-        raise InputError(
-            f"{campaign.path}: the nose is {np.degrees(np.arccos(heading)):.0f}° off "
+        campaign.refuse(
+            f"the nose is {np.degrees(np.arccos(heading)):.0f}° off "
             "the way that the flights go; expected pitch 0 to mean the nose along the "
             "throw (frame: nose, pitch)."
         )
@@ -349,8 +337,8 @@ def _check_pitch(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
     own = forces.fit_forces(motion, down, signs=(1,)).misfit
     turned = forces.fit_forces(motion, down, signs=(-1,)).misfit
     if turned * _DISAGREES < own:
-        raise InputError(
-            f"{campaign.path}: frame: the sign of the pitch is reversed: with the "
+        campaign.refuse(
+            f"frame: the sign of the pitch is reversed: with the "
             f"sign turned the forces fit {own / turned:.2g} times as well (pitch: "
             "nose_up or nose_down; with attitudes: nose, top or rotation)."
         )
@@ -359,8 +347,8 @@ def _check_pitch(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
             pose = np.column_stack([motion.pose[:, :2], angle])
             misfit = forces.fit_forces(motion._replace(pose=pose), down).misfit
             if misfit * _DISAGREES < own:
-                raise InputError(
-                    f"{campaign.path}: columns: with '{name}' in its place the pitch "
+                campaign.refuse(
+                    f"columns: with '{name}' in its place the pitch "
                     f"fits the motion {own / misfit:.2g} times as well; are they "
                     "exchanged?"
                 )
@@ -369,16 +357,14 @@ def _check_pitch(campaign: Campaign, motions: Motions) -> tuple[str, ...]:
 
 def _join_other_angles(campaign: Campaign, motions: Motions) -> dict[str, np.ndarray]:
     """The other logged angles at the rows of the joined motions."""
-    angles: dict[str, list[np.ndarray]] = {}
+    angles = collections.defaultdict(list)
     for flight, motion in zip(campaign.flights, motions.each, strict=True):
-        logged = {}
+        logged = {"elevator": flight.elevator}
         if flight.attitude is not None:
-            logged = {"roll": flight.attitude[:, 1], "yaw": flight.attitude[:, 2]}
-        if flight.elevator is not None:
-            logged["elevator"] = flight.elevator
+            logged |= {"roll": flight.attitude[:, 1], "yaw": flight.attitude[:, 2]}
         for name, values in logged.items():
-            at = np.interp(motion.time, flight.time, values)
-            angles.setdefault(name, []).append(at)
+            if values is not None:
+                angles[name].append(np.interp(motion.time, flight.time, values))
     return {name: np.concatenate(parts) for name, parts in angles.items()}
 
 
@@ -388,20 +374,20 @@ def _check_elevator(
     """Refuses an elevator or commands of the wrong sign."""
     fit = forces.fit_elevator(campaign, motions)
     if fit.strength > _STRONGEST and abs(fit.effect) > SIGNIFICANT:
-        raise InputError(
-            f"{campaign.path}: columns: the elevator turns the glider "
+        campaign.refuse(
+            f"columns: the elevator turns the glider "
             f"{fit.strength:.0f} times as much as a tail at these angles can; expected "
             "the unit that it and its commands are logged in (degrees or radians)."
         )
     if fit.effect > SIGNIFICANT:
-        raise InputError(
-            f"{campaign.path}: a positive elevator turns the nose down (by "
+        campaign.refuse(
+            f"a positive elevator turns the nose down (by "
             f"{fit.effect:.0f} standard errors); expected another sign (frame: "
             "elevator) or another 'clock'."
         )
     if follow_sign(elevators) < 0:
-        raise InputError(
-            f"{campaign.path}: frame: the elevator turns against its commands; "
+        campaign.refuse(
+            "frame: the elevator turns against its commands; "
             "expected the sign of one to be the other (command, elevator)."
         )
     return (_UNDECIDED.format("elevator"),) if fit.effect > -SIGNIFICANT else ()

@@ -7,13 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glider.campaign.checks.forces import Motions, check_fall, measure_motions
+from glider.campaign.checks.forces import check_fall, measure_motions
 from glider.campaign.checks.frame import check_frame, check_tail
 from glider.campaign.checks.masks import (
     ALL,
     ExcludedRows,
     Inspection,
-    Masks,
     find_repeats,
     name_rows,
 )
@@ -23,7 +22,6 @@ from glider.campaign.checks.rows import find_faults, find_hand
 from glider.campaign.checks.servo import check_follows, check_travel, measure_elevators
 from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.logs import Campaign, Flight
-from glider.errors import InputError
 
 _MIN_ROWS = 20  # Usable rows of a flight, as the reader expects.
 _MIN_SPAN = 0.15  # Time that they span [s].
@@ -32,43 +30,37 @@ _MIN_DENSITY = 0.5
 _MIN_SHARE = 0.5  # Of flights that must be kept: else the campaign is at fault.
 _MAX_FAULTY = 0.6  # Share of the rows of an elevator: the rest is no better.
 _ROLLED = "by roll and yaw its wing is more than half out of the plane of flight"
-_HELD = "a hand still pushes the glider"
+_PUSHED = "a hand still pushes the glider"
 _BEYOND = "pose: beyond a gap whose commands are not known"
 
 
 def inspect(campaign: Campaign) -> Inspection:
     """Checks a campaign before anything is traced; refuses one of no use."""
     campaign, of_stamps = _with_even_times(campaign)
-    kept = _Kept(campaign)
-    kept.drop(_find_copies(kept.campaign), least=0.0)
-    faults = find_faults(kept.campaign)
-    kept.masks.update(faults.masks)
-    kept.excluded += faults.excluded
-    check_follows(kept.campaign, measure_elevators(kept.campaign, kept.masks))
-    off_rates = check_rates(kept.campaign)
-    kept.drop(_find_servoless(kept.campaign, kept.masks))
-    kept.mask(functools.partial(find_hand, gravity=None), _HELD)
-    kept.drop_short()
-    check_frame(kept.campaign, kept.motions())
-    kept.mask(functools.partial(find_hand, gravity=campaign.gravity), _HELD)
-    kept.drop_short()
-    kept.mask(find_rolled, _ROLLED)
-    kept.drop_short(f": {_ROLLED}")
+    found = find_faults(campaign)
+    found = _drop(found, _find_copies(campaign), least=0.0)
+    check_follows(found.campaign, measure_elevators(found.campaign, found.masks))
+    off_rates = check_rates(found.campaign)
+    found = _drop(found, _find_servoless(found))
+    hands = functools.partial(find_hand, gravity=campaign.gravity)
+    found = _exclude(found, hands, _PUSHED)
+    check_frame(found.campaign, measure_motions(found.campaign.flights, found.masks))
+    found = _exclude(found, find_rolled, _ROLLED)
     # Until here poses counted, whatever the servo did.
-    kept.mask(lambda flight, _: kept.masks[flight.name].beyond, _BEYOND)
-    kept.drop_short(f" ({_BEYOND})")
-    motions = kept.motions()
-    warnings = check_fall(kept.campaign, motions)
-    check_commands(kept.campaign)
-    elevators = measure_elevators(kept.campaign, kept.masks)
-    warnings += check_travel(kept.campaign, elevators)
-    warnings += check_tail(kept.campaign, motions)
-    names = sorted(flight.name for flight in kept.campaign.flights)
+    masks = found.masks
+    found = _exclude(found, lambda flight, _: masks[flight.name].beyond, _BEYOND)
+    kept = found.campaign
+    motions = measure_motions(kept.flights, masks)
+    warnings = check_fall(kept, motions)
+    check_commands(kept)
+    warnings += check_travel(kept, measure_elevators(kept, masks))
+    warnings += check_tail(kept, motions)
+    names = sorted(flight.name for flight in kept.flights)
     return Inspection(
-        campaign=kept.campaign,
-        masks={name: kept.masks[name] for name in names},
-        excluded=tuple(sorted(kept.excluded, key=lambda rows: rows.file)),
-        warnings=campaign.notes + warnings + of_stamps + off_rates + faults.warnings,
+        campaign=kept,
+        masks={name: masks[name] for name in names},
+        excluded=tuple(sorted(found.excluded, key=lambda rows: rows.file)),
+        warnings=campaign.notes + warnings + of_stamps + off_rates + found.warnings,
     )
 
 
@@ -76,69 +68,69 @@ def _with_even_times(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     """Restores even steps of flights whose stamps jitter, and warns of them."""
     logs = [(flight.time, flight.pose[:, :2]) for flight in campaign.flights]
     found, words = find_even_times(logs, campaign.pose_rate)
-    flights = [*campaign.flights]
-    jitter = 0.0
-    for k, even in enumerate(found):
-        if even is not None:
-            flights[k] = dataclasses.replace(flights[k], time=even.at(flights[k].time))
-            jitter = max(jitter, even.jitter)
     if not words:
         return campaign, ()
+    flights = []
+    for flight, even in zip(campaign.flights, found, strict=True):
+        time = flight.time if even is None else even.at(flight.time)
+        flights.append(dataclasses.replace(flight, time=time))
+    jitter = max(0.0 if even is None else even.jitter for even in found)
     error = math.hypot(campaign.servo.clock_std, jitter)
     servo = dataclasses.replace(campaign.servo, clock_std=error)
     return dataclasses.replace(campaign, flights=tuple(flights), servo=servo), (words,)
 
 
-class _Kept:
-    """What is kept of a campaign, and what was excluded so far."""
+def _drop(
+    found: Inspection, reasons: dict[str, str], least: float = _MIN_SHARE
+) -> Inspection:
+    """Excludes flights by name; refuses a campaign of which too few remain."""
+    campaign = found.campaign
+    flights = campaign.flights
+    kept = tuple(flight for flight in flights if flight.name not in reasons)
+    if len(kept) < least * len(flights):
+        name, why = next(iter(reasons.items()))
+        campaign.refuse(
+            f"{len(reasons)} of {len(flights)} flights cannot be used, {name} for one: "
+            f"{why}."
+        )
+    whole = tuple(ExcludedRows(name, ALL, why) for name, why in reasons.items())
+    return dataclasses.replace(
+        found,
+        campaign=dataclasses.replace(campaign, flights=kept),
+        excluded=found.excluded + whole,
+    )
 
-    def __init__(self, campaign: Campaign) -> None:
-        self.campaign = campaign
-        self.masks: dict[str, Masks] = {}
-        self.excluded: list[ExcludedRows] = []
 
-    def motions(self) -> Motions:
-        """Motions of the flights that are kept, over their usable rows."""
-        return measure_motions(self.campaign.flights, self.masks)
+def _exclude(
+    found: Inspection, find: Callable[[Flight, np.ndarray], np.ndarray], why: str
+) -> Inspection:
+    """Excludes the rows that `find` finds in each flight, given its usable ones.
 
-    def drop(self, reasons: dict[str, str], least: float = _MIN_SHARE) -> None:
-        """Excludes flights by name; refuses a campaign of which too few remain."""
-        flights = self.campaign.flights
-        kept = tuple(flight for flight in flights if flight.name not in reasons)
-        if len(kept) < least * len(flights):
-            name, why = next(iter(reasons.items()))
-            raise InputError(
-                f"{self.campaign.path}: {len(reasons)} of {len(flights)} flights "
-                f"cannot be used, {name} for one: {why}."
+    Also flights of which too few rows are kept, or too scattered ones.
+    """
+    reasons = {}
+    excluded = []
+    for flight in found.campaign.flights:
+        mask = found.masks[flight.name]
+        flags = find(flight, mask.usable) & mask.usable
+        cause = ""
+        if flags.any():
+            mask.pose[flags] = True
+            excluded.append(ExcludedRows(flight.name, name_rows(flags), why))
+            cause = f" ({why})"
+        rows = np.flatnonzero(mask.usable)
+        span = np.ptp(flight.time[rows]) if len(rows) else 0.0
+        if len(rows) < _MIN_ROWS or span < _MIN_SPAN:
+            reasons[flight.name] = (
+                f"only {len(rows)} rows of it show a flight; expected at least "
+                f"{_MIN_ROWS} over {_MIN_SPAN} s{cause}"
             )
-        self.campaign = dataclasses.replace(self.campaign, flights=kept)
-        self.excluded += [ExcludedRows(n, ALL, why) for n, why in reasons.items()]
-
-    def mask(self, find: Callable[[Flight, np.ndarray], np.ndarray], why: str) -> None:
-        """Excludes the rows that `find` finds in each flight, given its usable ones."""
-        for flight in self.campaign.flights:
-            mask = self.masks[flight.name]
-            found = find(flight, mask.usable) & mask.usable
-            if found.any():
-                mask.pose[found] = True
-                self.excluded.append(ExcludedRows(flight.name, name_rows(found), why))
-
-    def drop_short(self, cause: str = "") -> None:
-        """Excludes flights of which too few rows are kept, or too scattered ones."""
-        reasons = {}
-        for flight in self.campaign.flights:
-            rows = np.flatnonzero(self.masks[flight.name].usable)
-            span = np.ptp(flight.time[rows]) if len(rows) else 0.0
-            if len(rows) < _MIN_ROWS or span < _MIN_SPAN:
-                reasons[flight.name] = (
-                    f"only {len(rows)} rows of it show a flight; expected at least "
-                    f"{_MIN_ROWS} over {_MIN_SPAN} s{cause}"
-                )
-                continue
-            fresh = ~find_repeats(flight.pose, 2)
-            if len(rows) < _MIN_DENSITY * np.sum(fresh[rows[0] : rows[-1] + 1]):
-                reasons[flight.name] = "most of its rows are faulty"
-        self.drop(reasons)
+            continue
+        fresh = ~find_repeats(flight.pose, 2)
+        if len(rows) < _MIN_DENSITY * np.sum(fresh[rows[0] : rows[-1] + 1]):
+            reasons[flight.name] = "most of its rows are faulty"
+    found = dataclasses.replace(found, excluded=found.excluded + tuple(excluded))
+    return _drop(found, reasons)
 
 
 def _find_copies(campaign: Campaign) -> dict[str, str]:
@@ -152,11 +144,11 @@ def _find_copies(campaign: Campaign) -> dict[str, str]:
     return reasons
 
 
-def _find_servoless(campaign: Campaign, masks: dict[str, Masks]) -> dict[str, str]:
+def _find_servoless(found: Inspection) -> dict[str, str]:
     """Flights whose elevator is faulty in most rows, with the reason."""
     reasons = {}
-    for flight in campaign.flights:
-        mask = masks[flight.name]
+    for flight in found.campaign.flights:
+        mask = found.masks[flight.name]
         share = np.mean(mask.elevator[mask.usable]) if mask.usable.any() else 0.0
         if share > _MAX_FAULTY:
             words = f"{100 * share:.0f} % of the rows of its elevator are faulty"

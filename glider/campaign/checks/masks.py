@@ -51,15 +51,10 @@ class Inspection:
     warnings: tuple[str, ...]  #: Rates that are off, gaps, ...
 
 
-def _no_masks(flight: Flight) -> Masks:
-    """Masks that exclude nothing."""
-    none = np.zeros(len(flight.time), dtype=bool)
-    return Masks(pose=none, elevator=none.copy())
-
-
 def masks_of(flight: Flight, masks: Mapping[str, Masks]) -> Masks:
     """Masks of a flight, by its name; without an entry they exclude nothing."""
-    return masks.get(flight.name) or _no_masks(flight)
+    none = np.zeros(len(flight.time), dtype=bool)
+    return masks.get(flight.name) or Masks(pose=none, elevator=none.copy())
 
 
 def stretches(flags: np.ndarray) -> list[tuple[int, int]]:

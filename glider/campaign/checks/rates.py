@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.campaign.logs import Campaign
-from glider.errors import InputError
 
 SCALE = "Scale:"
 """How warnings begin that make findings doubtful."""
@@ -45,8 +44,8 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
             begins.append(flight.time[1:][is_new])
         commands = _calc_pace(begins, rate)
         if abs(commands - rows) < _OFF:
-            raise InputError(
-                f"{campaign.path}: {words}, and commands at {rate / commands:.4g} Hz "
+            campaign.refuse(
+                f"{words}, and commands at {rate / commands:.4g} Hz "
                 f"where field 'command_rate' says {rate:.4g}; expected column 'time' "
                 f"in seconds (it runs {rows:.3g} times too fast), or the true rates."
             )
@@ -65,8 +64,8 @@ def check_commands(campaign: Campaign) -> None:
         changes.append((count - 1) / max(duration, 1.0 / rate))
     usual = float(np.median(changes))
     if usual > _MORE * rate:
-        raise InputError(
-            f"{campaign.path}: column 'elevator_rate_command' changes {usual:.3g} "
+        campaign.refuse(
+            f"column 'elevator_rate_command' changes {usual:.3g} "
             f"times a second; expected {rate:.4g} at most, as field 'command_rate' "
             "says (log what the servo gets, not what a controller asks in between)."
         )
@@ -93,5 +92,5 @@ def claim_scale(
     if abs(math.log(ratio)) < least or abs(ratio - 1.0) < parts[0]:
         return ()
     if abs(ratio - 1.0) > parts[1]:
-        raise InputError(f"{campaign.path}: {words}.")
+        campaign.refuse(f"{words}.")
     return (f"{SCALE} {words}.",)

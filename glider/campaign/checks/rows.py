@@ -6,9 +6,9 @@ accelerates it along its path is a hand. Rows are excluded, never corrected.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from glider.campaign.checks.masks import (
     ExcludedRows,
@@ -20,11 +20,9 @@ from glider.campaign.checks.masks import (
 )
 from glider.campaign.checks.motion import calc_motion, robust_std
 from glider.campaign.checks.planarity import body_axes
-from glider.campaign.checks.servo import measure_elevators
+from glider.campaign.checks.servo import LateServo, measure_elevators
 from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
 from glider.campaign.logs import Campaign, Flight
-from glider.compiled.actuators import elevator_path
-from glider.physics.held_commands import command_steps, hides_command
 
 _AGAIN = "repeat the pose before while the glider moves"
 FILLED = "on a straight line without noise: filled, not measured"
@@ -36,55 +34,33 @@ _FEWEST_FILLED = 3
 """Rows on a line in x and z at once that are filled; none of 4 million rows of noise of
 three digits are."""
 _LEAST_NOISE = 3.0  # Digits of a log that show whether rows are on a line.
-_COLORED = 2.0
-"""Ratio of the noise over two steps to that over one above which it is filtered: white
-noise has 1. Measured: 0.9 to 1.2 in 36 campaigns, real cameras among them; 3 and more
-behind low-pass filters of second order below two thirds of half the rate of rows."""
-_FAST_LOG = 90.0  # Rate of rows below which two steps show the motion, too [Hz].
-_FEWEST_NOISES = 50  # Fourth differences from which noise is measured, at least.
+_COLORED = 0.3
+"""Share of neighboring fourth differences of one sign above which noise is filtered:
+white noise has 0.205. Measured: 0.16 to 0.21 in campaigns of four flights, real cameras
+among them; 0.39 and more behind low-pass filters of second order below two thirds of
+half the rate of rows."""
+_FAST_LOG = 90.0  # Rate of rows below which steps show the motion, too [Hz].
+_FEWEST_NOISES = 100  # Fourth differences that show whether it is, at least.
 _DECIMALS = 9  # Of m and rad, that a log may have: beyond is rounding.
 _QUANTA = 5.0  # Digits of the log by which it should have.
 _NOISY = 10.0  # Ratio of noise to digits: five equal rows have odds of 1e-6.
-_REACH = 6  # Rows beside a frozen stretch from which its slope is taken.
 _LONG_STEP = 3.0  # Median steps above which a step is reported as a gap.
-_LOST = 1.5  # The same above which rows are lost.
 _UNCOMMANDED = 0.05
 """Gap over which a flight with a servo is cut [s]: the commands in it are lost as well,
 and two of them at 50 Hz turn the elevator by 0.5 rad."""
-_BESIDE = 3  # Rows on each side of a gap that show how far the elevator turned in it.
 _MIN_COMMANDED = 0.1  # Angle that commands move while an elevator is frozen [rad].
-_NEAR_STOP = 0.02  # An elevator this close to its stop may rest there [rad].
 _TURN = 1.0
 """Angle by which an attitude jumps where markers are exchanged [rad]. Measured throws
 turn by 0.14 at most from row to row, noise included."""
 _TURNING = 30.0  # Rate by which a body may turn that far, in a longer step [rad/s].
-_HALF = 0.06  # Half of the time over which a glider must stay where it is [s].
-_PLACE = 0.008  # ... within this of its middle [m]; free fall from rest: 0.018.
-_SHORTEST = 0.06  # Rows that lie must last, at least [s].
-_SLIDE = 0.003  # Height within which a glider slides before it lies [m].
+_AT_REST = 0.15  # Speed below which a glider rests [m/s],
+_HELD = 5.0  # ... if less accelerates it: half of what a falling one has [m/s²].
 _HAND = 6.0
 """Force per mass along the path, above that of the flight's second half, that only a
 hand exerts [m/s²]; wind, drag and a thrust of half the weight stay below."""
-_THROW = 16.0
-"""The same of the acceleration, where the direction of gravity is unknown and the log
-does not start from rest: a dive has 9.8 [m/s²]."""
 _STOPPED = 0.25  # Share of flights ending in a contact above which all may.
 _AT_STOP = "pose: the last row before a contact, as most flights end in one"
-_REST = 1.0  # Slower than this a log starts from rest: in a hand [m/s].
 _HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's start.
-_LATER = 0.5  # From this share of the log on the force is "usual".
-
-
-class _Scale(NamedTuple):
-    """Noise and last digits of the columns of logs."""
-
-    noise: np.ndarray  #: (k,) standard deviations.
-    digits: np.ndarray  #: (k,)
-
-    @property
-    def least(self) -> np.ndarray:
-        """Changes (k,) that are surely none of noise and digits."""
-        return np.maximum(_SURELY * self.noise, _QUANTA * self.digits)
 
 
 def find_faults(campaign: Campaign) -> Inspection:
@@ -103,35 +79,32 @@ def find_faults(campaign: Campaign) -> Inspection:
     repeated = 0
     stopped = 0
     for flight in flights:
+        name = flight.name
         of_pose = _pose_faults(flight, scale)
-        of_servo = of_servos.get(flight.name, {})
+        of_servo = of_servos.get(name, {})
         pose = np.any([*of_pose.values()], axis=0)
-        elevator = np.any([np.zeros_like(pose), *of_servo.values()], axis=0)
+        elevator = np.any([0.0 * pose, *of_servo.values()], axis=0)
         again = of_pose.pop(_AGAIN)
         for why, flags in (of_pose | of_servo).items():
             if flags.any():
-                excluded.append(ExcludedRows(flight.name, name_rows(flags), why))
-        first = 0
-        last = len(pose)
-        if flight.command is not None:  # The longest piece has all its commands.
-            piece = _pieces_with_commands(flight, campaign)
-            longest = np.argmax(np.bincount(piece, weights=~pose))
-            first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
-        mask = Masks(pose=pose, elevator=elevator, first=first, last=last)
-        masks[flight.name] = mask
+                excluded.append(ExcludedRows(name, name_rows(flags), why))
+        piece = _pieces_with_commands(flight)
+        longest = np.argmax(np.bincount(piece, weights=~pose))
+        first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
+        masks[name] = Masks(pose=pose, elevator=elevator, first=first, last=last)
         steps = np.diff(flight.time)
         usual = float(np.median(steps))
         for i in np.flatnonzero(steps > _LONG_STEP * usual):
             gap = f"{round(steps[i] / usual) - 1} rows ({steps[i]:.3g} s)"
-            warnings.append(f"{flight.name}: a gap of {gap} after row {i + 2}")
+            warnings.append(f"{name}: a gap of {gap} after row {i + 2}")
         repeated += int(np.sum(again))
-        stopped += bool(pose[~again][-1])
+        stopped += int(pose[~again][-1])
     warnings += _find_filter(campaign, masks)
     if repeated:
         rows = sum(len(flight.time) for flight in flights)
         warnings.append(f"{repeated} of {rows} rows {_AGAIN}: they are not used")
-    if stopped > _STOPPED * len(flights):
-        for name, mask in masks.items():  # Within a row a stop can hide in noise.
+    if stopped > _STOPPED * len(flights):  # Within a row a stop can hide in noise.
+        for name, mask in masks.items():
             for last in np.flatnonzero(mask.usable)[-1:]:
                 mask.pose[last] = True
                 excluded.append(ExcludedRows(name, f"{last + 2}", _AT_STOP))
@@ -144,78 +117,52 @@ def find_faults(campaign: Campaign) -> Inspection:
 
 
 def _find_filter(campaign: Campaign, masks: dict[str, Masks]) -> list[str]:
-    """Warns of poses that were filtered: neighboring rows have the same noise."""
-    if campaign.row_rate < _FAST_LOG:
-        return []
-    over_one = []
-    over_two = []
+    """Warns of poses that were filtered: noise has one sign from row to row."""
+    noises = []
+    neighbors = []
     for flight in campaign.flights:
         usable = masks[flight.name].usable
-        time = flight.time[usable]
-        place = flight.pose[usable, :2]
-        over_one.append(fourth_differences(time, place)[0])
-        for first in (0, 1):
-            over_two.append(fourth_differences(time[first::2], place[first::2])[0])
-    one = np.concatenate(over_one)
-    two = np.concatenate(over_two)
-    if min(len(one), len(two)) < _FEWEST_NOISES:
+        own = fourth_differences(flight.time[usable], flight.pose[usable, :2])[0]
+        noises.append(own)
+        neighbors.append(own[1:] * own[:-1] > 0.0)
+    is_alike = np.concatenate(neighbors)
+    if campaign.row_rate < _FAST_LOG or len(is_alike) < _FEWEST_NOISES:
         return []
-    noise = robust_std(one)
-    ratio = float(np.min(robust_std(two) / np.maximum(noise, 1e-12)))
-    if ratio < _COLORED:
+    share = float(np.min(np.mean(is_alike, axis=0)))
+    if share < _COLORED:
         return []
+    noise = np.max(robust_std(np.concatenate(noises)))
     return [
-        f"The poses have next to no noise from row to row ({1e3 * np.max(noise):.2g} "
-        f"mm; {ratio:.2g} times as much over two rows): they were filtered, or "
-        "simulated without noise. A filter changes forces and delays: use raw poses."
+        f"The poses have next to no noise from row to row ({1e3 * noise:.2g} mm, of "
+        f"one sign in {100 * share:.0f} % of rows): they were filtered, or simulated "
+        "without noise. A filter changes forces and delays: use raw poses."
     ]
 
 
-def _pieces_with_commands(flight: Flight, campaign: Campaign) -> np.ndarray:
-    """The piece that each row is in (n,): gaps that hide commands are cut.
-
-    Lost rows that may hide one command are such a gap if the elevator turned there by
-    what no command says, and more than anywhere else: there a servo lags, or stops.
-    """
-    time = flight.time
-    command = flight.command
-    steps = np.diff(time)
-    usual = float(np.median(steps))
-    is_gap = steps > max(_UNCOMMANDED, _LONG_STEP * usual)
-    if command is not None and flight.elevator is not None:
-        rate = campaign.switch_rate
-        hides = hides_command(time, command, rate) & (steps > _LOST * usual)
-        if hides.any():
-            tape = command_steps(time, command, rate, flight.command_time)
-            begin = float(flight.elevator[0])
-            ordered = elevator_path(*tape, time, campaign.limits, start=begin)
-            apart = np.pad(flight.elevator - ordered, _BESIDE, mode="edge")
-            rows = np.lib.stride_tricks.sliding_window_view(apart, _BESIDE)
-            level = np.median(rows, axis=1)  # Of which one may be wrong.
-            turned = (level[_BESIDE:] - level[:-_BESIDE])[1:-1]
-            turned = np.abs(turned - np.median(turned))
-            beside = np.ones(2 * _BESIDE + 1)
-            is_near = np.convolve(hides, beside, "same") > 0.0
-            elsewhere = np.max(turned, where=~is_near, initial=0.0)
-            least = max(_SURELY * float(robust_std(turned)), elsewhere)
-            is_gap |= hides & (turned > least)
-    return np.concatenate([[0], np.cumsum(is_gap)])
+def _pieces_with_commands(flight: Flight) -> np.ndarray:
+    """The piece that each row is in (n,): gaps that hide commands are cut."""
+    steps = np.diff(flight.time)
+    longest = max(_UNCOMMANDED, _LONG_STEP * float(np.median(steps)))
+    is_gap = (steps > longest) & (flight.command is not None)
+    return np.append(0, np.cumsum(is_gap))
 
 
-def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
+def _pose_faults(flight: Flight, scale: np.ndarray) -> dict[str, np.ndarray]:
     """Faulty rows (n,) of the pose, by the reason."""
     time = flight.time
     pose = flight.pose
     unknown = ~np.isfinite(pose).all(axis=1)
-    again = _find_repeated(time, pose, scale) & ~find_repeats(pose, _EQUAL_POSES)
-    frozen = _find_frozen(time, pose, scale)
+    frozen = find_repeats(pose, _EQUAL_POSES)
+    again = _find_held(pose, scale, 2) & ~frozen
+    for k in range(3):  # One column alone is frozen later than all.
+        frozen |= _find_held(pose[:, [k]], scale[:, [k]], _EQUAL_NUMBERS)
     filled = find_filled(time, pose[:, :2]) & ~(again | frozen)
     turned = _find_turned_over(flight)
     usable = ~(unknown | again | frozen | filled | turned)
     standing = _find_standing(flight, usable)
     usable &= ~standing
     own = _measure_noise(time[usable], pose[usable])
-    track = Rows(time, pose, np.clip(own, scale.noise, 3.0 * scale.noise))
+    track = Rows(time, pose, np.clip(own, scale[0], 3.0 * scale[0]))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
         "pose: is not a number": unknown,
@@ -231,36 +178,19 @@ def _pose_faults(flight: Flight, scale: _Scale) -> dict[str, np.ndarray]:
 
 
 def _find_turned_over(flight: Flight) -> np.ndarray:
-    """Rows (n,) between jumps of the attitude that no body can turn by.
+    """Rows (n,) between jumps of the axis to the left that no body can turn by.
 
-    The longest stretch without a jump is right, and those that continue it.
+    Each jump exchanges markers, or undoes it; most rows are right. (Where markers are
+    exchanged so that the axis stays, the pitch jumps.)
     """
-    time = flight.time
-    turned = np.zeros(len(time), dtype=bool)
     if flight.attitude is None:
-        return turned
+        return np.zeros(len(flight.time), dtype=bool)
     _, roll, yaw = flight.attitude.T
-    axes = body_axes(flight.pose[:, 2], roll, yaw)
-    is_short = np.diff(time) < _TURN / _TURNING
-    is_jump = is_short & _is_jump(axes[:-1], axes[1:])
-    jumps = np.flatnonzero(is_jump) + 1
-    parts = np.split(np.arange(len(time)), jumps)
-    longest = int(np.argmax([len(part) for part in parts]))
-    earlier = [part[::-1] for part in parts[longest::-1]]
-    for side in (parts[longest:], earlier):
-        last = side[0][-1]
-        for part in side[1:]:
-            if _is_jump(axes[last], axes[part[0]]):
-                turned[part] = True
-            else:
-                last = part[-1]
-    return turned
-
-
-def _is_jump(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Whether axes (..., 3, 3) are turned by more than `_TURN` from others."""
-    trace = np.sum(one * other, axis=(-2, -1))
-    return 0.5 * (trace - 1.0) < np.cos(_TURN)
+    left = body_axes(flight.pose[:, 2], roll, yaw)[:, :, 1]
+    is_jump = np.sum(left[:-1] * left[1:], axis=1) < np.cos(_TURN)
+    is_jump &= np.diff(flight.time) < _TURN / _TURNING
+    turned = np.cumsum(np.append(0, is_jump)) % 2 == 1
+    return turned if np.mean(turned) < 0.5 else ~turned
 
 
 def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -269,28 +199,25 @@ def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     return robust_std(differences) if len(differences) else np.zeros(values.shape[1])
 
 
-def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> _Scale:
-    """Noise and last digits of logs of times (n,) and columns (n, k), without repeats.
+def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Noise and last digits (2, k) of logs: times (n,), columns (n, k), no repeats.
 
-    All differences are multiples of the last digit; of a fast motion the second ones
-    are small.
+    Second differences are small multiples of the last digit.
     """
     noises = []
     steps = []
     for time, values in logs:
         fresh = np.isfinite(values).all(axis=1) & ~find_repeats(values, 2)
         noises.append(_measure_noise(time[fresh], values[fresh]))
-        steps += [np.diff(values[fresh], order, axis=0) for order in (1, 2)]
-    sizes = np.abs(np.concatenate(steps))
-    sizes = np.round(sizes, _DECIMALS)
+        steps.append(np.diff(values[fresh], 2, axis=0))
+    sizes = np.round(np.abs(np.concatenate(steps)), _DECIMALS)
     digits = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
-    noise = np.median(noises, axis=0)
-    return _Scale(noise, digits)
+    return np.stack([np.median(noises, axis=0), digits])
 
 
 def find_stale(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Rows (n,) of a recording (n, k) that repeat the one before, but move on."""
-    return _find_repeated(time, values, _measure_scale([(time, values)]))
+    return _find_held(values, _measure_scale([(time, values)]), 2)
 
 
 def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -299,76 +226,40 @@ def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
     Second differences of what cameras measure have noise; of rows that fill a gap, but
     for rounding, they are zero in all columns at once.
     """
-    scale = _measure_scale([(time, position)])
-    moves = np.isfinite(scale.digits)
-    is_fine = scale.noise > _LEAST_NOISE * scale.digits
+    noise, digits = _measure_scale([(time, position)])
+    moves = np.isfinite(digits)
+    noise = noise[moves]
     is_filled = np.zeros(len(time), dtype=bool)
-    if len(time) < 3 or not moves.any() or not is_fine[moves].all():
+    is_fine = noise > _LEAST_NOISE * digits[moves]
+    if len(time) < 3 or not moves.any() or not is_fine.all():
         return is_filled
     steps = np.diff(time)[:, None]
     slopes = np.diff(position[:, moves], axis=0) / steps
     bends = np.diff(slopes, axis=0) * np.minimum(steps[:-1], steps[1:])
-    is_straight = np.all(np.abs(bends) <= _STRAIGHT * scale.noise[moves], axis=1)
+    is_straight = np.all(np.abs(bends) <= _STRAIGHT * noise, axis=1)
     is_straight &= np.any(slopes[1:] != 0.0, axis=1)
     for first, last in stretches(is_straight):
-        if last - first + 1 >= _FEWEST_FILLED:
-            is_filled[first + 1 : last + 2] = True
+        is_filled[first + 1 : last + 2] = last - first + 1 >= _FEWEST_FILLED
     return is_filled
 
 
-def _find_repeated(time: np.ndarray, values: np.ndarray, scale: _Scale) -> np.ndarray:
-    """Rows (n,) that repeat the one before where a column moves on.
+def _find_held(values: np.ndarray, scale: np.ndarray, least: int) -> np.ndarray:
+    """Rows (n,) that repeat the one before, of `least` equal ones, though a body moves.
 
     A camera that measures again measures another number, but for its last digit and
-    noise: equal rows of a body that moves by several of these are the last pose, sent
-    again. A slow body, in coarse digits, repeats what was measured.
+    noise: equal rows of a body that then moves on by several of these are the last
+    pose, sent again. A slow body, in coarse digits, repeats what was measured. Or all
+    columns are noisier than their digits by so much that many equal numbers cannot be.
     """
-    stale = np.zeros(len(time), dtype=bool)
-    for first, last in stretches(find_repeats(values, 2)):
-        for column, least in zip(values.T, scale.least, strict=True):
-            if _moves_on(time, first - 1, last, column, least):
-                stale[first : last + 1] = True
-    return stale
-
-
-def _find_frozen(time: np.ndarray, pose: np.ndarray, scale: _Scale) -> np.ndarray:
-    """Rows (n,) that repeat the row before while the glider moves.
-
-    One column alone must have been about to move, or be noisier than its digits by so
-    much that equal numbers cannot be.
-    """
-    frozen = find_repeats(pose, _EQUAL_POSES)
-    is_noisy = scale.noise > _NOISY * scale.digits
-    for k, column in enumerate(pose.T):
-        for first, last in stretches(find_repeats(column[:, None], _EQUAL_NUMBERS)):
-            if is_noisy[k] or _moves_on(time, first - 1, last, column, scale.least[k]):
-                frozen[first : last + 1] = True
-    return frozen
-
-
-def _moves_on(
-    time: np.ndarray, first: int, last: int, values: np.ndarray, least: float
-) -> bool:
-    """Whether a column (n,) moves by more than `least` while equal, by its neighbors.
-
-    It must catch up, then.
-    """
-    following = values[last + 1 : last + 2]
-    caught_up = np.abs(following - values[last])
-    if not np.all(caught_up > least):
-        return False
-    duration = time[last] - time[first]
-    before = slice(max(first - _REACH, 0), first + 1)
-    after = slice(last + 1, last + _REACH)
-    for rows in (before, after):
-        is_known = np.isfinite(values[rows])
-        own = time[rows][is_known]
-        if len(own) >= 4:
-            beside = values[rows][is_known]
-            slope, _ = np.polyfit(own - own[0], beside, 1)
-            if abs(slope) * duration > least:
-                return True
-    return False
+    held = np.zeros(len(values), dtype=bool)
+    noise, digits = scale
+    surely = np.maximum(_SURELY * noise, _QUANTA * digits)
+    is_noisy = least >= _EQUAL_NUMBERS and np.all(noise > _NOISY * digits)
+    for first, last in stretches(find_repeats(values, least)):
+        beside = last + 1 if last + 1 < len(values) else first - 2
+        moved = np.abs(values[beside] - values[last])
+        held[first : last + 1] = is_noisy or np.any(moved > surely)
+    return held
 
 
 def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
@@ -377,29 +268,24 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
     if not elevators:
         return {}
     angles = np.concatenate([elevator.angle for elevator in elevators])
-    stops = campaign.elevator_limits or (np.min(angles), np.max(angles))
+    low, high = campaign.elevator_limits or (np.min(angles), np.max(angles))
+    servo = LateServo(float(low), float(high))
     noises = [_measure_noise(each.seen, each.angle[:, None]) for each in elevators]
     surely = _SURELY * float(np.median(noises))
     faults = {}
     for elevator in elevators:
         angle = elevator.angle
         rate = campaign.elevator_rate_limit or np.max(np.abs(elevator.tape.commands))
-        neighbors = np.stack([angle[:-2], angle[2:]])
-        above = angle[1:-1] - neighbors.max(axis=0)
-        below = neighbors.min(axis=0) - angle[1:-1]
+        around = sliding_window_view(np.pad(angle, 1, mode="edge"), 3)
+        apart = np.abs(angle - np.median(around, axis=1))
         # A turn of the servo within a step sticks out by a step at full rate.
-        steps = np.diff(elevator.seen)
-        turn = rate * np.minimum(steps[:-1], steps[1:])
-        sticks_out = np.maximum(above, below) > np.sqrt(2.0) * surely + turn
-        sticks_out = np.pad(sticks_out, 1)
+        turn = rate * np.median(np.diff(elevator.seen))
+        sticks_out = apart > np.sqrt(2.0) * surely + turn
         frozen = np.zeros(len(angle), dtype=bool)
-        ordered = elevator.follow(elevator.seen)
+        ordered = elevator.follow(elevator.seen, servo)
         for first, last in stretches(find_repeats(angle[:, None], _EQUAL_NUMBERS)):
             moved = np.ptp(ordered[first - 1 : last + 1])
-            from_stop = np.abs(np.abs(stops) - abs(angle[first]))
-            rests = np.min(from_stop) < _NEAR_STOP
-            if not rests and moved > max(_MIN_COMMANDED, surely):
-                frozen[first : last + 1] = True
+            frozen[first : last + 1] = moved > max(_MIN_COMMANDED, surely)
         faults[elevator.name] = {
             "elevator: departs from the motion around it": sticks_out,
             "elevator: does not change while commands move it: frozen": frozen
@@ -409,41 +295,26 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
 
 
 def _find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    """Rows (n,) that lie still or slide until they do, before the throw or landed."""
-    standing = np.zeros(len(usable), dtype=bool)
-    rows = np.flatnonzero(usable)
-    if len(rows) < 3:
-        return standing
-    time = flight.time[rows]
-    place = flight.pose[rows, :2]
-    first = np.searchsorted(time, time - _HALF - 1e-9)
-    last = np.searchsorted(time, time + _HALF + 1e-9) - 1
-    # At an end of the log one side is enough, if there are rows enough on it.
-    is_still = time[last] - time[first] > 0.75 * _HALF
-    for ends in (first, last):
-        is_still &= np.linalg.norm(place[ends] - place, axis=1) <= _PLACE
-    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
-    way = np.append(0.0, np.cumsum(steps))
-    for begin, end in stretches(is_still):
-        if time[end] - time[begin] < _SHORTEST:
-            continue
-        if way[begin] < 0.5 * way[-1]:
-            standing[: rows[end] + 1] = True
-        else:
-            ground = np.median(place[begin : end + 1, 1])
-            height = np.abs(place[:begin, 1] - ground)
-            flies = np.flatnonzero(height >= _SLIDE)
-            lands = flies[-1] + 1 if len(flies) else 0
-            standing[rows[lands] :] = True
-    return standing
+    """Rows (n,) up to the last at rest before the throw, and from the first landed.
+
+    A body that rests in free air falls.
+    """
+    time = flight.time
+    motion = calc_motion(time[usable], flight.pose[usable])
+    force = np.linalg.norm(motion.acceleration[:, :2], axis=1)
+    rests = (motion.speed < _AT_REST) & (force < _HELD)
+    way = np.cumsum(motion.speed)
+    is_early = way < 0.5 * np.max(way, initial=0.0)
+    begin = np.max(motion.time, where=rests & is_early, initial=-np.inf)
+    end = np.min(motion.time, where=rests & ~is_early, initial=np.inf)
+    return (time <= begin) | (time >= end)
 
 
-def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.ndarray:
+def find_hand(flight: Flight, usable: np.ndarray, gravity: float) -> np.ndarray:
     """Rows (n,), True at the start, where a hand still accelerates the glider.
 
     A thrust, wind or a tilted frame push throughout; a hand lets go. So the force
-    along the path is compared with that of the flight's second half. Gravity is None
-    where its direction is unknown: then only a throw that is stronger shows.
+    along the path is compared with that of the flight's second half.
     """
     held = np.zeros(len(usable), dtype=bool)
     own = flight.time[usable]
@@ -452,14 +323,10 @@ def find_hand(flight: Flight, usable: np.ndarray, gravity: float | None) -> np.n
     if len(time) < 8:
         return held
     speed = np.maximum(motion.speed, 1e-3)
-    force = motion.acceleration[:, :2] + [0.0, gravity or 0.0]
-    power = np.sum(force * motion.velocity[:, :2], axis=1)
-    along = power / speed
-    middle = time[0] + _LATER * (time[-1] - time[0])
-    usual = float(np.median(along[time >= middle]))
-    usual = max(usual, 0.0)
-    least = _THROW if gravity is None and speed[0] > _REST else _HAND
-    lets_go = along - usual <= least
+    force = motion.acceleration[:, :2] + [0.0, gravity]
+    along = np.sum(force * motion.velocity[:, :2], axis=1) / speed
+    usual = max(float(np.median(along[len(along) // 2 :])), 0.0)
+    lets_go = along - usual <= _HAND
     free = int(np.argmax(lets_go))
     # First held, then free: 0 is also what `argmax` says of a glider held throughout.
     if free == 0 or speed[free] < _HAND_GAIN * speed[0]:

@@ -23,7 +23,6 @@ from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.checks.rates import claim_scale
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.actuators import LOOPS, elevator_path
-from glider.errors import InputError
 from glider.physics.held_commands import command_steps
 from glider.physics.servo import NO_LIMITS, STOPPING_TIME, Servo
 
@@ -34,7 +33,7 @@ _BOTH_WAYS = np.arange(-0.35, 0.3525, 0.005)  # Delays, to find which comes firs
 _WINDOW = 0.04  # Time over which a change is taken [s].
 _LEADS = 0.015
 """Lead above which an elevator moves before its commands [s]: no servo does. Measured:
--0.025 to 0.005 in 20 campaigns: half a row, as a command is held until the next."""
+-0.03 to 0 in 20 campaigns; without a clock of the commands half a row is unknown."""
 _AS_GOOD = 2.0
 """Ratio of what delays leave unexplained to what a lead does below which the elevator
 may follow: 1.4 in a session under feedback, where a slow servo swings."""
@@ -45,7 +44,7 @@ commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
 _MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
 
-_TRIED = slice(-0.02, 0.355, 0.03), slice(0.003, 0.4, 0.04)
+_TRIED = slice(-0.02, 0.355, 0.02), slice(0.003, 0.4, 0.06)
 """Delays and lags that are tried for the gain [s]: command_delay and servo_lag are less
 than 0.3 s."""
 _FEW = 8  # Flights that show a delay and a lag, about.
@@ -73,24 +72,23 @@ def command_tape(
     """Returns when commands switch [s], counted from `begin`, and to what."""
     assert flight.command is not None and flight.elevator is not None
     # What was commanded before a gap that hides commands does not count.
-    rows = np.arange(mask.first, len(flight.time))
-    time = flight.time - begin
+    piece = slice(mask.first, None)
+    time = flight.time[piece] - begin
     since = flight.command_time
     if since is not None:
-        since = (since - begin)[rows]
-    tape = command_steps(time[rows], flight.command[rows], switch_rate, since)
-    seen = rows[~mask.elevator[rows]]
-    if not len(seen):
-        return CommandTape(*tape, 0.0)
-    first = seen[0]  # Its noise is what x[3] is for.
-    [travel] = elevator_path(*tape, time[[first]])
-    return CommandTape(*tape, float(flight.elevator[first] - travel))
+        since = since[piece] - begin
+    tape = command_steps(time, flight.command[piece], switch_rate, since)
+    seen = np.flatnonzero(~mask.elevator[piece])[:1]  # Its noise is what x[3] is for.
+    rest = flight.elevator[piece][seen] - elevator_path(*tape, time[seen])
+    return CommandTape(*tape, float(np.sum(rest)))
 
 
 class LateServo(NamedTuple):
     """A servo that elevators may follow; loads are over the largest of a campaign."""
 
-    limits: Servo = NO_LIMITS
+    low: float = -math.inf  #: Stops [rad].
+    high: float = math.inf
+    rate: float = math.inf  #: Largest [rad/s].
     delay: float = 0.0  #: [s]
     lag: float = 0.0  #: Mean of turning up and down, without load [s].
     skew: float = 0.0  #: Half the difference of both, over their mean.
@@ -102,7 +100,12 @@ class LateServo(NamedTuple):
     @property
     def even(self) -> "LateServo":
         """The same without what makes it uneven."""
-        return LateServo(*self[:3])
+        return LateServo(*self[:5])
+
+    @property
+    def limits(self) -> Servo:
+        """Its stops and its largest rate."""
+        return Servo(*self[:3])
 
 
 _UNLIMITED = LateServo()
@@ -126,6 +129,10 @@ class Elevator(NamedTuple):
         """Times (m,) of the angles [s]."""
         return self.time[self.rows]
 
+    def given(self, commands: np.ndarray) -> "Elevator":
+        """The same behind other commands (k,) [rad/s]."""
+        return self._replace(tape=self.tape._replace(commands=commands))
+
     def follow(
         self,
         query: np.ndarray,
@@ -137,60 +144,41 @@ class Elevator(NamedTuple):
         It began at `rest`, or at the angle of the tape. For an uneven servo the times
         increase.
         """
-        tape = self.tape
-        start = tape.rest if rest is None else rest
-        lag = servo.lag
-        if servo != servo.even:
-            uneven = servo[4:]
-            lags = (lag * (1.0 + servo.skew), lag * (1.0 - servo.skew))
-            start = float(min(max(start, servo.limits.low), servo.limits.high))
-            path = np.empty(len(query))
-            begins = tape.switches + servo.delay
-            loads = self.time[: len(self.load)], self.load
-            form = (*lags, *uneven)
-            given = begins, tape.commands, query, servo.limits, form, *loads
-            LOOPS.over(()).uneven_path(*given, start, path)
-            return path
-        return elevator_path(
-            tape.switches,
-            tape.commands,
-            query,
-            servo.limits,
-            delay=servo.delay,
-            time_constant=lag,
-            start=start,
-        )
+        limits = servo.limits
+        delay, lag, skew, *uneven = servo[3:]
+        start = self.tape.rest if rest is None else rest
+        tape = self.tape.switches + delay, self.tape.commands
+        if servo == servo.even:
+            return elevator_path(*tape, query, limits, time_constant=lag, start=start)
+        form = (lag * (1.0 + skew), lag * (1.0 - skew), *uneven)
+        start = float(min(max(start, limits.low), limits.high))
+        path = np.empty(len(query))
+        loads = self.time[: len(self.load)], self.load
+        given = *tape, query, limits, form, *loads
+        LOOPS.over(()).uneven_path(*given, start, path)
+        return path
 
 
-def measure_elevators(
-    campaign: Campaign, masks: Mapping[str, Masks], *, at_rows: bool = True
-) -> list[Elevator]:
-    """Elevators of a campaign's flights; none without a servo.
-
-    Commands begin at the rows that show them first, or where a clock gave them.
-    """
+def measure_elevators(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
+    """Elevators of a campaign's flights; none without a servo."""
     elevators = []
     for flight in campaign.flights if campaign.elevator == "servo" else ():
-        assert flight.elevator is not None and flight.command is not None
+        assert flight.elevator is not None
         mask = masks_of(flight, masks)
         piece = slice(mask.first, mask.last)
-        time = flight.time[piece]
         rows = np.flatnonzero(~mask.elevator[piece])
         angle = flight.elevator[piece][rows]
-        if at_rows:
-            rest = float(angle[0]) if len(angle) else 0.0
-            tape = CommandTape(time, flight.command[piece], rest)
-        else:
-            tape = command_tape(flight, mask, campaign.switch_rate)
-        elevators.append(Elevator(flight.name, time, rows, angle, tape))
+        tape = command_tape(flight, mask, campaign.switch_rate)
+        elevators.append(Elevator(flight.name, flight.time[piece], rows, angle, tape))
     return elevators
 
 
-def _changes_of(time: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (2, k) of windows in a log (n,) [s], and by how much an angle changes."""
-    begin = np.arange(time[0], time[-1] - _WINDOW, 0.5 * _WINDOW)
+def _windows_of(elevator: Elevator) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (2, k) of windows of an elevator's log [s], and its angles there [rad]."""
+    seen = elevator.seen
+    begin = np.arange(seen[0], seen[-1] - _WINDOW, 0.5 * _WINDOW)
     ends = np.stack([begin, begin + _WINDOW])
-    return ends, np.diff(np.interp(ends, time, angle), axis=0)[0]
+    return ends, np.interp(ends, seen, elevator.angle)
 
 
 def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
@@ -202,34 +190,32 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
     if commanded < _MOVES and moved < _MOVES:
         return
     if min(moved, commanded) < _MOVES:
-        raise InputError(
-            f"{campaign.path}: column 'elevator' moves by {moved:.2g} rad at most, and "
+        campaign.refuse(
+            f"column 'elevator' moves by {moved:.2g} rad at most, and "
             f"'elevator_rate_command' would move it by {commanded:.2g} rad; expected "
             "its measured angle, and the commands that were given."
         )
     servo = campaign.limits
-    ahead, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
-    correlation = ahead
-    if -delay > _LEADS:
-        correlation, _ = calc_correlation(elevators, servo=servo)
+    best, delay = calc_correlation(elevators, _BOTH_WAYS, servo=servo)
+    correlation, _ = calc_correlation(elevators, servo=servo)
     follows = abs(correlation)
     if follows < _FOLLOWS:
         shifted, shift = calc_correlation(elevators, _SHIFTS)
         hint = ""
         if abs(shifted) > 2 * _FOLLOWS:
             hint = f"; shifted by {shift:.2f} s they do"
-        raise InputError(
-            f"{campaign.path}: column 'elevator' does not follow "
+        campaign.refuse(
+            f"column 'elevator' does not follow "
             f"'elevator_rate_command' (their rates correlate by {follows:.2f} at any "
             f"delay up to {_DELAYS[-1]:.2g} s{hint}); expected both on the clock of "
             "'time'."
         )
     # Under feedback a slow servo swings: a period before, and turned half a period
     # before, commands explain it about as well.
-    is_clear = 1.0 - correlation**2 > _AS_GOOD * (1.0 - ahead**2)
+    is_clear = 1.0 - correlation**2 > _AS_GOOD * (1.0 - best**2)
     if -delay > _LEADS and is_clear:
-        raise InputError(
-            f"{campaign.path}: column 'elevator' moves {-delay:.3f} s before "
+        campaign.refuse(
+            f"column 'elevator' moves {-delay:.3f} s before "
             "'elevator_rate_command'; expected both on the clock of 'time'."
         )
 
@@ -269,19 +255,14 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
     """
     if len(elevator.rows) < 2:
         return np.zeros((4, len(delays), 0))
-    ends, change = _changes_of(elevator.seen, elevator.angle)
+    ends, angles = _windows_of(elevator)
     time = elevator.time
-    after = np.clip(np.searchsorted(time, ends), 1, len(time) - 1)
-    share = (ends - time[after - 1]) / (time[after] - time[after - 1])
+    change = angles[1] - angles[0]
     late = delays[:, None]
-    path = elevator.follow(time - late)
-    # Between rows, as the log has them: a path that turns there counts less.
-    shown = path[:, after - 1]
-    shown += share * (path[:, after] - shown)
-    ordered = shown[:, 1] - shown[:, 0]
+    begin, end = elevator.follow(ends[:, None] - late)
+    ordered = end - begin
     is_known = (ends[0] - late >= time[0]) & (ends[1] - late <= time[-1])
     slowing = STOPPING_TIME * stops.rate if math.isfinite(stops.rate) else 0.0
-    angles = np.interp(ends, elevator.seen, elevator.angle)
     is_near = (angles < stops.low + slowing) | (angles > stops.high - slowing)
     is_known &= ~is_near.any(axis=0)
     one = np.ones_like(ordered)
@@ -295,7 +276,7 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     """
     if not elevators:
         return ()
-    gain, error = _calc_travel(elevators, campaign.limits)
+    gain, error = _calc_travel(elevators)
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
         "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
@@ -304,64 +285,43 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     return claim_scale(campaign, gain, _SURELY * error / gain, _TRAVEL, words)
 
 
-def _calc_travel(
-    elevators: Sequence[Elevator], limits: Servo = NO_LIMITS
-) -> tuple[float, float]:
+def _calc_travel(elevators: Sequence[Elevator]) -> tuple[float, float]:
     """Measured over commanded travel without its sign, and its standard error.
 
-    Least squares over all flights, of a delay and a lag that fit a few of them. The
-    servo keeps its limits, or none if that fits better, as those of commands in another
-    unit are others. The limits that elevators reach excuse a gain that is not one, if
-    they fit better. The error is what flights scatter by; it is infinite if the lag is
-    too long.
+    Least squares, with the delay and the lag that fit best, without limits: those of
+    commands in another unit are others. Limits that elevators reach excuse a gain that
+    is not one, if they fit better. The error is what flights scatter by; it is infinite
+    if the lag is too long.
     """
     shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
     if not shown:
         return 0.0, math.inf
     few = shown[:: max(1, len(shown) // _FEW)]
+
+    def fit(late: np.ndarray, own: Servo, few: list[Elevator]) -> tuple[float, float]:
+        """Squares that are left [rad²], and the gain."""
+        servo = LateServo(*own, float(late[0]), abs(float(late[1])))
+        angles = [each.angle - np.mean(each.angle) for each in few]
+        paths = [each.follow(each.seen, servo) for each in few]
+        angle = np.concatenate(angles)
+        path = np.concatenate([path - np.mean(path) for path in paths])
+        gain = float(angle @ path) / max(float(path @ path), 1e-30)
+        return float(np.sum((angle - gain * path) ** 2)), abs(gain)
+
     fits = []
-    for own in (limits, NO_LIMITS, _reached(few)):
-
-        def left(late: np.ndarray, own: Servo = own) -> float:
-            return _compare_travel(few, _late_servo(own, late))[0]
-
-        servo = _late_servo(own, brute(left, _TRIED))
-        fits.append((*_compare_travel(shown, servo), servo.lag))
-    excuse = fits.pop()
-    least, gain, lag = min(fits)
-    if excuse[0] < least and abs(excuse[1] - 1.0) < abs(gain - 1.0):
-        _, gain, lag = excuse
+    for own in (NO_LIMITS, _reached(few)):
+        late = brute(lambda *given: fit(*given)[0], _TRIED, (own, few))
+        fits.append((*fit(late, own, shown), abs(late[1])))
+    free, excuse = fits
+    is_nearer = abs(excuse[1] - 1.0) < abs(free[1] - 1.0)
+    _, gain, lag = min(fits) if is_nearer else free
     error = _SCATTER / math.sqrt(len(shown))
-    if lag > _LONGEST_LAG and gain <= 1.0:
-        error = math.inf
-    return gain, error
+    return gain, math.inf if lag > _LONGEST_LAG and gain <= 1.0 else error
 
 
 def _reached(elevators: Sequence[Elevator]) -> Servo:
     """Limits that elevators reach: where they end, and how fast they turn."""
     angles = np.concatenate([each.angle for each in elevators])
-    changes = [_changes_of(each.seen, each.angle)[1] for each in elevators]
-    fastest = float(np.max(np.abs(np.concatenate(changes)))) / _WINDOW
+    changes = [np.diff(_windows_of(each)[1], axis=0) for each in elevators]
+    fastest = float(np.max(np.abs(np.concatenate(changes, axis=1)))) / _WINDOW
     return Servo(float(np.min(angles)), float(np.max(angles)), fastest)
-
-
-def _late_servo(limits: Servo, late: np.ndarray) -> LateServo:
-    """A servo with a delay and a lag (2,) [s]."""
-    return LateServo(limits, float(late[0]), abs(float(late[1])))
-
-
-def _compare_travel(
-    elevators: Sequence[Elevator], servo: LateServo
-) -> tuple[float, float]:
-    """Squares that a servo leaves of elevators [rad²], and their gain over its path."""
-    measured = []
-    paths = []
-    for elevator in elevators:
-        path = elevator.follow(elevator.seen, servo)
-        measured.append(elevator.angle - np.mean(elevator.angle))
-        paths.append(path - np.mean(path))
-    angle = np.concatenate(measured)
-    path = np.concatenate(paths)
-    gain = float(angle @ path) / max(float(path @ path), 1e-30)
-    left = float(np.sum((angle - gain * path) ** 2))
-    return left, abs(gain)

@@ -22,10 +22,8 @@ from glider.campaign.checks.servo_forms import (
     LEAST_EVIDENCE,
     ORDER,
     Fit,
-    errors_of,
     find_rest,
     find_step,
-    fit_of,
     fit_servo,
     least_step,
     restore_lost,
@@ -43,15 +41,30 @@ _FEWEST_ROWS = 10  # Of a flight whose departure can be smoothed.
 _FEWEST_LEVELS = 10  # Of commands that are rounded, not chosen.
 _LIMITS = ("low",), ("high",), ("rate",), ("low", "high"), ("low", "high", "rate")
 """Limits that a servo may have of its own: the first that explain the elevators."""
-_UNEVEN = (("skew",), ("lag_by_load",), ("rate", "rate_by_load"), ("play",), ("slew",))
-"""What may make a servo uneven."""
+_UNEVEN: dict[tuple[str, ...], str] = {
+    ("skew",): (
+        "lags by {up:.3g} ms turning up and by {down:.3g} ms turning down "
+        "(± {apart:.1g} apart)"
+    ),
+    ("lag_by_load",): (
+        "has a lag that grows with the load of the air, from {lag:.3g} to "
+        "{loaded:.3g} ± {loaded_std:.1g} ms"
+    ),
+    ("rate", "rate_by_load"): (
+        "has a rate limit that falls with the load of the air, from {rate:.3g} to "
+        "{weak:.3g} ± {weak_std:.1g} rad/s"
+    ),
+    ("play",): "has a free play of {value:.3g} ± {std:.1g} rad",
+    ("slew",): "catches up with its commands by {value:.3g} ± {std:.1g} rad/s at most",
+}
+"""What may make a servo uneven, and the words for it."""
 _LAGGING = ("skew",), ("lag_by_load",), ("rate", "rate_by_load")
 """Those that are most like a delay and a lag, which remain effects to be traced."""
 _UNKNOWN = (
     ", whatever its delay, lag and limits: are commands lost or rounded, has it play, "
     "or another lag under load?"
 )
-_Z = 5.0  # Standard errors of what is not by chance, whatever is tried.
+_SURELY = 5.0  # Standard errors of what is not by chance, whatever is tried.
 _MOSTLY = 0.5  # Share of a departure's evidence that its cause may leave.
 
 
@@ -67,8 +80,8 @@ def identify_servo(
     if log.angle != "measured" or log.command == "reconstructed":
         return campaign, ()
     elevators = _measure(campaign, masks)
-    specified = LateServo(campaign.limits)
-    if not elevators or fit_of(specified, elevators).explains:
+    specified = LateServo(*campaign.limits)
+    if not elevators or Fit(servo=specified, elevators=elevators).explains:
         return campaign, ()
     plain = fit_servo(elevators, specified, log.command_std)
     found, words = _find_cause(campaign, masks, plain)
@@ -80,11 +93,8 @@ def identify_servo(
             return campaign, told
     elif plain.explains and not words:  # A delay and a lag are effects to be traced.
         return campaign, ()
-    places = range(len(elevators))
-    if words and found.servo == found.servo.even:  # Other commands reach it in some.
-        odd = [place for place in places if _has_other_commands(plain, found, place)]
-        plain, found = plain.on(odd), found.on(odd)
-    elif not words:  # A few flights may be odd: the others are left as they are.
+    if found.servo == found.servo.even:  # A few flights may be odd, or lose commands.
+        places = range(len(elevators))
         odd = [place for place in places if not plain.on([place]).explains]
         others = [place for place in places if place not in odd]
         if odd and others and plain.on(others).explains:
@@ -98,12 +108,13 @@ def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> fl
     elevators = _measure(campaign, masks)
     if not elevators:
         return 0.0
-    return fit_of(LateServo(campaign.limits), elevators).departures.noise
+    specified = LateServo(*campaign.limits)
+    return Fit(servo=specified, elevators=elevators).departures.noise
 
 
 def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
     """Elevators of flights with enough rows, behind commands by their clock."""
-    elevators = measure_elevators(campaign, masks, at_rows=False)
+    elevators = measure_elevators(campaign, masks)
     return [each for each in elevators if len(each.rows) >= _FEWEST_ROWS]
 
 
@@ -125,11 +136,10 @@ def _find_cause(
         even = _better(plain, limited[-1:] if limited[-1].explains else limited)
     loaded = with_loads(campaign, masks, plain.elevators)
     causes = {}
-    for free in _UNEVEN:
-        fit = fit_servo(loaded, plain.servo, clock_std, free)
-        value = getattr(fit.servo, free[-1])
-        if abs(value) > _Z * fit.std:
-            causes[fit] = _describe(fit, value)
+    for form in _UNEVEN:
+        fit = fit_servo(loaded, plain.servo, clock_std, form)
+        if abs(getattr(fit.servo, form[-1])) > _SURELY * fit.std:
+            causes[fit] = _describe(fit)
     if not any(fit.explains for fit in (even, *causes)):
         lost, share = restore_lost(plain, clock_std)
         causes[lost] = f"loses about {100.0 * share:.2g} % of its commands"
@@ -147,39 +157,25 @@ def _better(before: Fit, others: Sequence[Fit]) -> Fit:
     return best if gain > LEAST_EVIDENCE and best.departures.evidence < most else before
 
 
-def _has_other_commands(plain: Fit, found: Fit, place: int) -> bool:
-    logged = plain.elevators[place].tape
-    return not np.array_equal(logged.commands, found.elevators[place].tape.commands)
-
-
-def _describe(fit: Fit, value: float) -> str:
+def _describe(fit: Fit) -> str:
     """Says how a servo is not even."""
     servo = fit.servo
+    value = getattr(servo, fit.free[-1])
     lag = 1e3 * servo.lag
-    std = fit.std
-    match fit.free[-1]:
-        case "skew":
-            return (
-                f"lags by {lag * (1.0 + value):.3g} ms turning up and by "
-                f"{lag * (1.0 - value):.3g} ms turning down (± {2.0 * lag * std:.1g} "
-                "apart)"
-            )
-        case "lag_by_load":
-            return (
-                f"has a lag that grows with the load of the air, from {lag:.3g} to "
-                f"{lag + 1e3 * value:.3g} ± {1e3 * std:.1g} ms"
-            )
-        case "rate_by_load":
-            rate = servo.limits.rate
-            return (
-                "has a rate limit that falls with the load of the air, from "
-                f"{rate:.3g} to {rate * (1.0 - value):.3g} ± {rate * std:.1g} rad/s"
-            )
-        case "slew":
-            return (
-                f"catches up with its commands by {value:.3g} ± {std:.1g} rad/s at most"
-            )
-    return f"has a free play of {value:.3g} ± {std:.1g} rad"
+    rate = servo.rate
+    return _UNEVEN[fit.free].format(
+        value=value,
+        std=fit.std,
+        lag=lag,
+        up=lag * (1.0 + servo.skew),
+        down=lag * (1.0 - servo.skew),
+        apart=2.0 * lag * fit.std,
+        loaded=lag + 1e3 * value,
+        loaded_std=1e3 * fit.std,
+        rate=rate,
+        weak=rate * (1.0 - value),
+        weak_std=rate * fit.std,
+    )
 
 
 def _logged_step(fit: Fit) -> float:
@@ -189,22 +185,19 @@ def _logged_step(fit: Fit) -> float:
     if len(levels) < _FEWEST_LEVELS:
         return 0.0
     step = float(np.min(np.diff(levels)))
-    is_rounded = np.allclose(levels / step, np.round(levels / step), atol=0.01)
-    return step if is_rounded and step > least_step(fit) else 0.0
+    off = np.abs(levels / step - np.round(levels / step))
+    return step if np.max(off) < 0.01 and step > least_step(fit) else 0.0
 
 
 def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str, ...]]:
     """Returns the campaign with other limits of the servo, and how they differ."""
-    known = campaign.limits
     words = (
-        f"The servo stops at {servo.low:.3g} and {servo.high:.3g} rad and turns by "
-        f"{servo.rate:.3g} rad/s at most, where 'elevator_limits' and "
-        f"'elevator_rate_limit' say {known.low:.3g}, {known.high:.3g} and "
-        f"{known.rate:.3g}: its own limits are used."
-    )
-    stops = None
-    if math.isfinite(servo.low) or math.isfinite(servo.high):
-        stops = (max(servo.low, -MAX_ANGLE), min(servo.high, MAX_ANGLE))
+        "The servo stops at {:.3g} and {:.3g} rad and turns by {:.3g} rad/s at most, "
+        "where 'elevator_limits' and 'elevator_rate_limit' say {:.3g}, {:.3g} and "
+        "{:.3g}: its own limits are used."
+    ).format(*servo, *campaign.limits)
+    low, high = np.clip(servo[:2], -MAX_ANGLE, MAX_ANGLE).tolist()
+    stops = (low, high) if np.isfinite(servo[:2]).any() else None
     changed = dataclasses.replace(
         campaign,
         elevator_limits=stops,
@@ -222,35 +215,33 @@ def _with_departures(
     """
     servo = plain.servo
     if cause and uneven.free not in _LAGGING:
-        servo = uneven.servo.even._replace(limits=servo.limits)
+        servo = LateServo(*servo.limits, *uneven.servo[3:5])
     found = uneven.departures
     times = {flight.name: flight.time for flight in campaign.flights}
-    curves = {}
-    shares = []
     departures = {}
+    shares = []
     for told, each in zip(plain.elevators, uneven.elevators, strict=True):
-        clock = times[each.name]
-        query = np.append(clock, each.seen)
-        query = np.clip(query, each.seen[0], each.seen[-1])
-        smoothed = smoothing_maps(each.seen, query, found.ratio, ORDER)[0]
-        shares.append(np.mean(smoothed[len(clock) :].diagonal()))
-        curve = smoothed[: len(clock)] @ errors_of(each, uneven.servo)
+        time = times[each.name]
         rest = find_rest(each, uneven.servo)
-        curve += each.follow(clock, uneven.servo, rest) - told.follow(
-            clock, servo, rest
+        known = np.clip(time, each.seen[0], each.seen[-1])
+        smoothed = smoothing_maps(each.seen, known, found.ratio, ORDER)[0]
+        shares.append(np.mean(np.max(smoothed, axis=1)))
+        curve = (
+            smoothed @ (each.angle - each.follow(each.seen, uneven.servo, rest))
+            + each.follow(time, uneven.servo, rest)
+            - told.follow(time, servo, rest)
         )
-        curves[each.name] = curve
         departures[each.name] = Departure(curve, rest, 0.0, bool(cause))
     std = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0) * found.noise
     flights = []
     for flight in campaign.flights:
         own = departures.get(flight.name)
-        own = own if own is None else own._replace(std=std)
+        own = own and own._replace(std=std)
         flights.append(dataclasses.replace(flight, departure=own))
-    largest = {name: float(np.max(np.abs(curve))) for name, curve in curves.items()}
-    worst = max(largest, key=largest.__getitem__)
-    when = times[worst][np.argmax(np.abs(curves[worst]))]
-    rms = math.sqrt(np.mean([np.var(curve) for curve in curves.values()]))
+    sizes = {name: np.abs(own.angle) for name, own in departures.items()}
+    worst = max(sizes, key=lambda name: float(np.max(sizes[name])))
+    row = np.argmax(sizes[worst])
+    rms = math.sqrt(np.mean([np.var(own.angle) for own in departures.values()]))
     if step := 0.0 if cause else _logged_step(plain):
         cause = f"has a log that rounds commands, in steps of {step:.3g} rad/s"
     beginning = f"The servo {cause}. " if cause else ""
@@ -258,7 +249,7 @@ def _with_departures(
     sentence = (
         f"{beginning}The elevator departs from its commands by {1e3 * rms:.2g} mrad "
         f"(RMS; its noise is {1e3 * found.noise:.2g}), in {worst} by "
-        f"{largest[worst]:.2g} rad at {when:.3g} s{ending} "
+        f"{sizes[worst][row]:.2g} rad at {times[worst][row]:.3g} s{ending} "
         "Flights are replayed along the measured elevator."
     )
     return dataclasses.replace(campaign, flights=tuple(flights)), sentence

@@ -17,7 +17,6 @@ from glider.campaign.checks.servo import Elevator, LateServo
 from glider.campaign.logs import Campaign
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.physics.parameters import GliderParameters
-from glider.physics.servo import Servo
 
 LEAST_EVIDENCE = 6.0
 """Evidence above which a departure is no noise [nats]. By chance, half a chi-squared of
@@ -31,13 +30,14 @@ _STARTS = (0.0, 1e-3), (0.02, 0.03)  # Delays and lags [s] that fits begin with.
 _SURE = 2.0  # Standard errors of the commands' clock by which it may be late.
 _LONGEST = (0.3, 0.5)  # Delay and lag [s].
 _STEPS = (0.01, 0.01)  # Of delay and lag, to scale them [s].
+_LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
 _NEAR_STOP = 0.05  # Distance from a stop where a servo may slow down [rad].
 _SHORTEST_LAG = 1e-3  # Lag below which nothing lasts [s].
-_LEAST_RATE = 0.1  # Of a fitted rate limit [rad/s].
 _USUAL_ERROR = 0.01  # Error of an angle above which it weighs less in a fit [rad].
 _MOST_TRIES = 40  # Of a fit, which may have numbers that show nothing.
 _DIFFERENCE = 1e-3  # Relative step of slopes.
-_AROUND = 3  # Periods on each side of a command that show whether it was lost.
+_BEFORE = 3  # Periods before a command that show where the elevator was.
+_AFTER = 1.5  # ... and after it, before the next, which may be lost too, turns far.
 _FINER = 21  # Steps between two that were tried.
 # Noise of measured angles, of which computed ones have none [rad] (c): finer steps are
 # not searched for.
@@ -50,7 +50,7 @@ class Fit:
 
     servo: LateServo
     elevators: Sequence[Elevator]  #: Behind the commands that reached it.
-    cost: float  #: Of what was chosen beside delay, lag and `free` [nats].
+    cost: float = 0.0  #: Of what was chosen beside delay, lag and `free` [nats].
     free: tuple[str, ...] = ()  #: Numbers that were fitted beside delay and lag.
     std: float = 0.0  #: Standard error of the last of them, from flight to flight.
 
@@ -79,11 +79,6 @@ class Fit:
         return self.departures.log_likelihood - freedom - self.cost
 
 
-def fit_of(servo: LateServo, elevators: Sequence[Elevator], cost: float = 0.0) -> Fit:
-    """A servo as it is."""
-    return Fit(servo=servo, elevators=elevators, cost=cost)
-
-
 def find_rest(elevator: Elevator, servo: LateServo) -> float:
     """Angle at which an elevator rested [rad]: that logged first, without its noise.
 
@@ -91,26 +86,21 @@ def find_rest(elevator: Elevator, servo: LateServo) -> float:
     """
     rest = elevator.tape.rest
     path = elevator.follow(elevator.seen, servo)
-    low, high, _ = servo.limits
-    moves_freely = (path > low + _NEAR_STOP) & (path < high - _NEAR_STOP)
+    moves_freely = path > servo.low + _NEAR_STOP
+    moves_freely &= path < servo.high - _NEAR_STOP
     free = np.logical_and.accumulate(moves_freely)
     if free.all() or not free.any():
         return rest
     return rest + float(np.median((elevator.angle - path)[free]))
 
 
-def errors_of(elevator: Elevator, servo: LateServo) -> np.ndarray:
-    """Measured minus expected angles (m,) [rad]."""
-    rest = find_rest(elevator, servo)
-    return elevator.angle - elevator.follow(elevator.seen, servo, rest)
-
-
 def _lasting_errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
-    """The same without what a lag makes of a late first command (m,) [rad].
+    """Measured minus expected angles (m,) without what passes or never changes [rad].
 
-    That is a constant and what fades with the lag.
+    That is a constant, and what a lag makes of a late first command: it fades with it.
     """
-    error = errors_of(elevator, servo)
+    rest = find_rest(elevator, servo)
+    error = elevator.angle - elevator.follow(elevator.seen, servo, rest)
     since = elevator.seen - elevator.tape.switches[0]
     fading = np.exp(-since / max(servo.lag, _SHORTEST_LAG))
     columns = np.stack([np.ones(len(since)), fading], axis=1)
@@ -136,22 +126,21 @@ def fit_servo(
     middle = 0.5 * (low + high)
     span = high - low
     fastest = float(np.max(np.abs(commands)))
+    rates = _LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0
     ranges = {  # Least and most of each, where it begins, and its scale.
         "low": (low - span, middle, low, 0.1),
         "high": (middle, high + span, high, 0.1),
-        "rate": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
+        "rate": rates,
         "skew": (-1.0, 1.0, 0.0, 0.1),
         "lag_by_load": (0.0, _LONGEST[1], 0.02, _STEPS[1]),
         "rate_by_load": (0.0, 1.0, 0.3, 0.1),
         "play": (0.0, span, 0.01, 0.01),
-        "slew": (_LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0),
+        "slew": rates,
     }
 
     def servo_of(numbers: np.ndarray) -> LateServo:
-        delay, lag, *values = map(float, numbers)
-        own = dict(zip(free, values, strict=True))
-        ends = {name: own.pop(name) for name in Servo._fields if name in own}
-        return LateServo(start.limits._replace(**ends), delay, lag, **own)
+        own = zip(("delay", "lag", *free), map(float, numbers), strict=True)
+        return LateServo(*start.limits)._replace(**dict(own))
 
     def errors(numbers: np.ndarray) -> np.ndarray:
         servo = servo_of(numbers)
@@ -161,7 +150,7 @@ def fit_servo(
     most = [*_LONGEST, *(ranges[name][1] for name in free)]
     scales = [*_STEPS, *(ranges[name][3] for name in free)]
     fits = []
-    for late in (_STARTS[0], start[1:3]) if free else _STARTS:
+    for late in (_STARTS[0], start[3:5]) if free else _STARTS:
         # Large errors weigh less: a lost command says nothing of the servo.
         found = least_squares(
             errors,
@@ -173,8 +162,8 @@ def fit_servo(
             max_nfev=_MOST_TRIES,
             f_scale=_USUAL_ERROR,
         )
-        fit = fit_of(servo_of(found.x), elevators, cost)
-        fits.append(dataclasses.replace(fit, free=free, std=_std_of(found, elevators)))
+        fit = Fit(servo=servo_of(found.x), elevators=elevators, cost=cost, free=free)
+        fits.append(dataclasses.replace(fit, std=_std_of(found, elevators)))
     return max(fits, key=lambda fit: fit.likelihood)
 
 
@@ -182,9 +171,8 @@ def _std_of(found: OptimizeResult, elevators: Sequence[Elevator]) -> float:
     """Standard error of the last number of a fit, as flights differ."""
     # SciPy's slopes are those of errors that count less where they are large.
     error = found.fun * (1.0 + (found.fun / _USUAL_ERROR) ** 2) ** 0.25
-    ends = np.cumsum([len(each.rows) for each in elevators])[:-1]
-    parts = zip(np.split(found.jac, ends), np.split(error, ends), strict=True)
-    pulls = np.array([slopes.T @ own for slopes, own in parts])
+    begins = np.cumsum([0, *(len(each.rows) for each in elevators[:-1])])
+    pulls = np.add.reduceat(found.jac * error[:, None], begins)
     gain = np.linalg.pinv(found.jac.T @ found.jac)[-1]
     return float(np.linalg.norm(pulls @ gain))
 
@@ -195,83 +183,60 @@ def restore_lost(plain: Fit, clock_std: float) -> tuple[Fit, float]:
     Also returns their share of all.
     """
     noise = plain.departures.noise
-    found = []
-    lost = 0
-    count = 0
-    cost = 0.0
-    for each in plain.elevators:
-        commands = _held_instead(each, plain.servo, noise)
-        own = int(np.count_nonzero(commands != each.tape.commands))
-        lost += own
-        count += len(commands)
-        cost += own * math.log(len(commands))
-        found.append(each._replace(tape=each.tape._replace(commands=commands)))
-    return fit_servo(found, plain.servo, clock_std, cost=cost), lost / count
+    elevators = plain.elevators
+    held = [_held_instead(each, plain.servo, noise) for each in elevators]
+    found = [each.given(own) for each, own in zip(elevators, held, strict=True)]
+    logged = np.concatenate([each.tape.commands for each in elevators])
+    is_lost = np.concatenate(held) != logged
+    cost = float(np.sum(is_lost)) * math.log(len(logged) / len(elevators))
+    return fit_servo(found, plain.servo, clock_std, cost=cost), float(np.mean(is_lost))
 
 
 def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
     """Commands (k,) of which the lost ones are those before [rad/s].
 
-    The one that explains the most of the angles about it comes first.
+    They leave less of the angles after them, from the mean before, than noise of both.
     """
-    tape = each.tape
-    commands = tape.commands.copy()
-    around = _AROUND * float(np.median(np.diff(tape.switches)))
-    kept = [*range(1, len(commands))]
-
-    def gain(k: int) -> float:
-        since = each.seen - tape.switches[k] - servo.delay
-        before = (since <= 0.0) & (since > -around)
-        after = (since > 0.0) & (since < around + servo.lag)
+    switches, commands, _ = each.tape
+    period = float(np.median(np.diff(switches)))
+    for k in range(1, len(commands)):
+        since = each.seen - switches[k] - servo.delay
+        before = (since <= 0.0) & (since > -_BEFORE * period)
+        after = (since > 0.0) & (since < _AFTER * period + servo.lag)
         if not before.any():
-            return 0.0
+            continue
         held = commands.copy()
         held[k] = held[k - 1]
         left = []
-        for own in (commands, held):
-            other = each._replace(tape=tape._replace(commands=own))
-            error = each.angle - other.follow(each.seen, servo)
+        for given in (commands, held):
+            error = each.angle - each.given(given).follow(each.seen, servo)
             left.append(np.sum((error[after] - np.mean(error[before])) ** 2))
-        # The mean before has noise of its own, the same in all rows.
-        variance = noise**2 * (1.0 + np.count_nonzero(after) / np.count_nonzero(before))
-        return float(left[0] - left[1]) / (2.0 * variance)
-
-    while kept:
-        gains = [gain(k) for k in kept]
-        best = int(np.argmax(gains))
-        if gains[best] < LEAST_EVIDENCE:
-            break
-        k = kept.pop(best)
-        commands[k] = commands[k - 1]
+        least = 2.0 * noise**2 * LEAST_EVIDENCE * (1.0 + np.sum(after) / np.sum(before))
+        if left[0] - left[1] > least:
+            commands = held
     return commands
 
 
 def find_step(plain: Fit, clock_std: float) -> tuple[Fit, float]:
     """Fits elevators behind rounded commands; also returns the step [rad/s]."""
-    elevators = plain.elevators
-    commands = np.concatenate([each.tape.commands for each in elevators])
-    largest = float(np.max(np.abs(commands)))
-    usual = float(np.sqrt(np.mean(commands**2)))
+    commands = np.concatenate([each.tape.commands for each in plain.elevators])
 
     def behind(step: float) -> list[Elevator]:
-        tapes = [each.tape for each in elevators]
-        rounded = [
-            t._replace(commands=step * np.round(t.commands / step)) for t in tapes
+        return [
+            each.given(step * np.round(each.tape.commands / step))
+            for each in plain.elevators
         ]
-        return [e._replace(tape=t) for e, t in zip(elevators, rounded, strict=True)]
-
-    def likelihood(inverse: float) -> float:
-        return fit_of(plain.servo, behind(1.0 / inverse)).likelihood
 
     # By a step that is wrong by so much, usual commands are off by a tenth of it.
-    apart = 0.1 / usual
-    inverse = np.arange(1.0 / largest, 1.0 / least_step(plain), apart)
-    count = len(inverse)
+    apart = 0.1 / float(np.sqrt(np.mean(commands**2)))
+    least = 1.0 / float(np.max(np.abs(commands)))
+    inverse = np.arange(least, 1.0 / least_step(plain), apart)
+    cost = math.log(len(inverse) * _FINER**2)
     for _ in range(3):
-        best = inverse[np.argmax([likelihood(value) for value in inverse])]
+        fits = [Fit(servo=plain.servo, elevators=behind(1.0 / i)) for i in inverse]
+        best = inverse[np.argmax([fit.likelihood for fit in fits])]
         inverse = best + apart * np.linspace(-0.5, 0.5, _FINER)
         apart *= 2.0 / (_FINER - 1)
-    cost = math.log(count * _FINER**2)
     return fit_servo(behind(1.0 / best), plain.servo, clock_std, cost=cost), 1.0 / best
 
 
@@ -290,26 +255,22 @@ def with_loads(
 
     It is as |V| V·n, of the elevator's normal n and its velocity V.
     """
-    flights = {flight.name: flight for flight in campaign.flights}
     usual = GliderParameters().hinge_offset
     arm = campaign.vehicle.get("hinge_offset", usual)
-    times = []
-    poses = []
+    flights = {flight.name: flight for flight in campaign.flights}
+    logs = []
     for each in elevators:
         flight = flights[each.name]
-        usable = masks_of(flight, masks).usable & np.isin(flight.time, each.time)
-        times.append(flight.time[usable])
-        poses.append(flight.pose[usable])
-    found = estimate_noise(times, poses)
+        usable = masks_of(flight, masks).usable
+        logs.append((flight.time[usable], flight.pose[usable]))
+    times, poses = zip(*logs, strict=True)
+    ratio = max(channel.ratio for channel in estimate_noise(times, poses))
     loads = []
-    for each, time, pose in zip(elevators, times, poses, strict=True):
-        motion = [
-            smoothing_maps(time, each.time, channel.ratio)[:2] @ own
-            for channel, own in zip(found, pose.T, strict=True)
-        ]
-        (_, x), (_, z), (pitch, turning) = motion
+    for each, (time, pose) in zip(elevators, logs, strict=True):
+        curve, rate = smoothing_maps(time, each.time, ratio)[:2] @ pose
+        x, z, turning = rate.T
         angle = np.interp(each.time, each.seen, each.angle)
-        e = pitch + angle
+        e = curve[:, 2] + angle
         across = x * np.sin(e) + z * np.cos(e) + arm * turning * np.cos(angle)
         loads.append(np.abs(across) * np.hypot(x, z))
     most = max(float(np.max(load)) for load in loads)

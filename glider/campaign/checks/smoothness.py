@@ -9,6 +9,7 @@ and the most rows that can be one motion are kept.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 _THRESHOLD = 6.0
 """Fourth differences, as standard deviations of noise, above which a row is faulty.
@@ -42,33 +43,20 @@ class Rows(NamedTuple):
     noise: np.ndarray  #: (3,) standard deviations of x, z, pitch.
 
 
-class _End(NamedTuple):
-    """A run, extrapolated to some time."""
-
-    value: np.ndarray  #: Pose and its rate (2, 3).
-    variance: np.ndarray  #: Of both (2,) for noise 1.
-    reach: float  #: Time from the middle of the run [s].
-
-
 def fourth_differences(
     time: np.ndarray, pose: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Differences (n - 4, k) over the noise of a row, and mean steps (n - 4,) [s]."""
-    count = len(time) - _STENCIL + 1
-    if count <= 0:
+    if len(time) < _STENCIL:
         return np.empty((0, pose.shape[1])), np.empty(0)
-    first = np.arange(count)
-    window = first[:, None] + np.arange(_STENCIL)
-    own = time[window]
+    own = sliding_window_view(time, _STENCIL)
     step = np.ptp(own, axis=1) / (_STENCIL - 1)
-    lags = own[:, :, None] - own[:, None]
-    lags /= step[:, None, None]
-    lags += np.eye(_STENCIL)
-    weights = 1.0 / np.prod(lags, axis=2)
+    lags = (own[:, :, None] - own[:, None]) / step[:, None, None]
+    weights = 1.0 / np.prod(lags + np.eye(_STENCIL), axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     # Relative to the first row: far from the origin digits are few.
-    near = pose[window] - pose[first, None]
-    return np.einsum("ik,ikj->ij", weights, near), step
+    near = sliding_window_view(pose, _STENCIL, axis=0)
+    return np.einsum("ij,ikj->ik", weights, near - near[..., :1]), step
 
 
 def find_one_motion(
@@ -134,18 +122,11 @@ def _explain(track: Rows, run: np.ndarray, worst: int) -> tuple[int, int]:
     least = np.inf
     best = (worst, 1)
     for count in (1, 0, 2, 3):
-        for at in range(worst, worst + _STENCIL):
+        for at in range(max(worst, 1 - count), worst + _STENCIL):
             left = run[first:at]
             right = run[at + count : last]
-            if count == 0 and at == 0:
-                continue
-            if count == 0:
-                over = _sum_excess(track, left) + _sum_excess(track, right)
-            else:
-                over = _sum_excess(track, np.concatenate([left, right]))
-                is_long = min(len(left), len(right)) >= _STENCIL
-                if over == 0.0 and is_long and not _meet(track, left, right):
-                    over = 1e-3  # One row is a part of a jump.
+            pieces = [np.concatenate([left, right])] if count else [left, right]
+            over = sum(_sum_excess(track, piece) for piece in pieces)
             if over < least:
                 least = over
                 best = (at, count)
@@ -161,16 +142,12 @@ def _sum_excess(track: Rows, rows: np.ndarray) -> float:
 
 def _find_longest_chain(track: Rows, runs: list[np.ndarray]) -> np.ndarray:
     """Rows of the runs with most rows that can follow one another in one motion."""
-    chains: list[tuple[np.ndarray, np.ndarray]] = []  # The longest with each last run.
-    none = np.empty(0, dtype=int)
-    best = none
-    long = [run for run in runs if len(run) >= _STENCIL]
-    for run in sorted(long, key=lambda run: int(run[0])):
-        before = [chain for chain, last in chains if _meet(track, last, run)]
-        chain = np.concatenate([max(before, key=len, default=none), run])
-        chains.append((chain, run))
-        if len(chain) > len(best):
-            best = chain
+    best = np.empty(0, dtype=int)
+    chains: list[np.ndarray] = []  # The longest with each last run, in order.
+    for run in sorted((run for run in runs if len(run) >= _STENCIL), key=min):
+        before = [chain for chain in chains if _meet(track, chain, run)]
+        chains.append(np.concatenate([max(before, key=len, default=best[:0]), run]))
+        best = max(best, chains[-1], key=len)
     return best
 
 
@@ -178,15 +155,8 @@ def _find_outlying_ends(track: Rows, rows: np.ndarray) -> np.ndarray:
     """First rows (k,), at most 3, that a parabola through the next ones misses."""
     for count in (3, 2, 1):
         inner = rows[count : count + _ENDS]
-        if len(inner) < _ENDS:
-            continue
-        last = rows[count - 1]
-        end = _extrapolate(track, inner, track.time[last])
-        distance = np.abs(track.pose[last] - end.value[0])
-        spread = np.sqrt(1.0 + end.variance[0]) * track.noise
-        forced = _JERK * end.reach**3 / 6.0
-        allowed = np.maximum(_THRESHOLD * spread + forced, _SMALL[0])
-        if np.any(distance > allowed):
+        own = rows[count - 1 : count]
+        if len(inner) == _ENDS and np.any(_jump(track, inner, own, own)[0] > 1.0):
             return rows[:count]
     return rows[:0]
 
@@ -207,16 +177,14 @@ def _find_contact(track: Rows, rows: np.ndarray) -> int:
     last = np.arange(half - 1, len(time) - 2)
     first = np.minimum(last - half + 1, len(time) - 2 * half)
     window = first[:, None] + np.arange(2 * half)
-    middle = 0.5 * (time[last] + time[last + 1])
-    since = time[window] - middle[:, None]
+    since = time[window] - 0.5 * (time[last] + time[last + 1])[:, None]
     after = (since > 0.0).astype(float)
     powers = [np.ones_like(since), since, since**2, after, after * since]
     inverse = np.linalg.pinv(np.stack(powers, axis=2))
     fitted = inverse @ (place[window] - place[last][:, None])
     velocity = fitted[:, 1]
     jump = fitted[:, 4]
-    noise = np.max(track.noise[:2])
-    spread = noise * np.linalg.norm(inverse[:, 4], axis=1)
+    spread = np.max(track.noise[:2]) * np.linalg.norm(inverse[:, 4], axis=1)
     surely = _SMALL[1, 0] + _THRESHOLD * spread
     stops = _STOPS * np.linalg.norm(velocity, axis=1)
     over = np.linalg.norm(jump, axis=1) / np.maximum(surely, stops)
@@ -226,32 +194,33 @@ def _find_contact(track: Rows, rows: np.ndarray) -> int:
     begin = int(np.argmax(over > 1.0))
     if over[begin] <= 1.0:
         return len(time)
-    largest = np.argmax(over[begin : begin + half])
-    return int(last[begin + largest])
+    return int(last[begin + np.argmax(over[begin : begin + half])])
 
 
 def _meet(track: Rows, left: np.ndarray, right: np.ndarray) -> bool:
     """Whether two runs, each extrapolated by a parabola, meet halfway."""
-    gap = track.time[[left[-1], right[0]]]
-    middle = float(np.mean(gap))
-    one = _extrapolate(track, left[-_ENDS:], middle)
-    other = _extrapolate(track, right[:_ENDS], middle)
-    spread = np.sqrt(one.variance + other.variance)
-    noise = _THRESHOLD * np.outer(spread, track.noise)
-    cubes = one.reach**3 + other.reach**3
-    squares = one.reach**2 + other.reach**2
-    forced = np.outer([cubes / 6.0, squares / 2.0], _JERK)
-    allowed = np.maximum(noise + forced, _SMALL)
-    jump = np.abs(one.value - other.value)
-    return bool(np.all(jump <= allowed))
+    between = np.array([left[-1], right[0]])
+    jump = _jump(track, left[-_ENDS:], right[:_ENDS], between)
+    return bool(np.all(jump <= 1.0))
 
 
-def _extrapolate(track: Rows, rows: np.ndarray, time: float) -> _End:
-    """A parabola through rows, at a time [s]."""
-    since = track.time[rows] - time
-    powers = since[:, None] ** np.arange(3)
-    inverse = np.linalg.pinv(powers)[:2]
-    value = inverse @ track.pose[rows]
-    variance = np.sum(inverse**2, axis=1)
-    reach = abs(float(np.mean(since)))
-    return _End(value, variance, reach)
+def _jump(
+    track: Rows, one: np.ndarray, other: np.ndarray, between: np.ndarray
+) -> np.ndarray:
+    """Jump of the pose and its rate from rows to others, over what may be (2, 3).
+
+    Each is extrapolated by a parabola to the mean time of rows between them.
+    """
+    middle = np.mean(track.time[between])
+    values = []
+    variance = np.zeros(2)
+    forced = np.zeros((2, 3))
+    for rows in (one, other):
+        since = track.time[rows] - middle
+        inverse = np.linalg.pinv(since[:, None] ** np.arange(3))[:2]
+        values.append(inverse @ track.pose[rows])
+        variance += np.sum(inverse**2, axis=1)
+        reach = abs(np.mean(since))
+        forced += np.outer([reach**3 / 6.0, reach**2 / 2.0], _JERK)
+    noise = _THRESHOLD * np.outer(np.sqrt(variance), track.noise)
+    return np.abs(values[0] - values[1]) / np.maximum(noise + forced, _SMALL)

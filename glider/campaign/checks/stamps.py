@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from glider.campaign.checks.masks import find_repeats
 from glider.campaign.checks.motion import robust_std
@@ -23,14 +24,11 @@ flights of the samples show."""
 _LEAST_JITTER = 2e-5  # At 10 m/s 0.2 mm, less than cameras' noise [s].
 _LEAST_RATIO = 1e-3  # Of two noises: that of the stamps may be zero.
 _STENCIL = 5  # Rows of a fourth difference.
-_SURELY = 6.0  # Standard deviations above which a fourth difference is none of noise.
-_EXPLAINED = 0.1
-"""Share of the squares of fourth differences that lost frames must leave at most."""
-_LEAST_MOVE = 1e-9  # Fourth difference that is none of rounding [m].
+_SURELY = 6.0  # Standard deviations that are not by chance.
 _MOST_LOST = 5  # Frames lost at one place, which the motion counts.
+_AROUND = 9  # Rows that show the way of one.
 _GAP = 4.0  # Steps of a gap that parts a log in two, each on a clock of its own.
 _DELAYED = 13  # Rows within which a delay has passed.
-_MOST_PLACES = 60  # Places that are examined.
 _SAME_RATE = 0.02  # Share by which a rate of frames may be off, as in `check_rates`.
 _FEWEST = 20  # Rows from which a rate of frames is taken, at least.
 _LONG = 241  # Rows over which a clock is even: frames may be lost while nothing moves.
@@ -87,12 +85,9 @@ def _even_times_of(
 ) -> _EvenTimes | None:
     shown = np.isfinite(position).all(axis=1) & ~find_repeats(position, 2)
     shown[shown] = ~find_filled(time[shown], position[shown])
-    if np.sum(shown) < _FEWEST:
-        return None
     stamps = time[shown]
     place = position[shown]
-    place = place[:, np.ptp(place, axis=0) > 0.0]
-    if not place.size:
+    if len(stamps) < _FEWEST:
         return None
     even = stamps.copy()
     gain = 0.0
@@ -126,7 +121,9 @@ def _restore(
     None where frames were lost and the motion does not show it. The clock has the rate
     of the cameras [Hz], if it is about that.
     """
-    step = _find_step(stamps, ticks)
+    half = min(len(stamps), _LONG) // 2  # Of a flight, or of a long recording's parts.
+    duration = stamps[half:] - stamps[:-half]
+    step = float(np.median(duration / (ticks[half:] - ticks[:-half])))
     jitter = robust_std(np.diff(stamps - step * ticks)) / math.sqrt(2.0)
     off = max(_SAME_RATE, float(_SURELY * jitter / np.ptp(stamps)))
     if rate is not None and abs(step * rate - 1.0) < off:
@@ -149,56 +146,21 @@ def _split_at_gaps(time: np.ndarray) -> list[np.ndarray]:
     rows = np.arange(len(time))
     late = time / np.median(np.diff(time)) - rows
     following = np.pad(late, (0, _DELAYED - 1), mode="edge")
-    lasting = np.lib.stride_tricks.sliding_window_view(following, _DELAYED).min(axis=1)
+    lasting = sliding_window_view(following, _DELAYED).min(axis=1)
     gaps = np.flatnonzero(np.diff(lasting) > _GAP) + 1
     return np.split(rows, gaps)
 
 
-def _find_step(time: np.ndarray, ticks: np.ndarray) -> float:
-    """Usual step of a clock over half of a flight, or of a long recording's parts."""
-    half = min(len(time), _LONG) // 2
-    duration = time[half:] - time[:-half]
-    return float(np.median(duration / (ticks[half:] - ticks[:-half])))
-
-
 def _find_lost(position: np.ndarray) -> np.ndarray:
     """Numbers (n,) of frames lost so far: a moving body jumps by their way."""
-    rows = np.arange(len(position), dtype=float)
-    lost = np.zeros(len(position), dtype=int)
-    surely = np.maximum(_SURELY * _noise(rows, position), _LEAST_MOVE)
-    examined = np.zeros(len(position), dtype=bool)
-    for _ in range(_MOST_PLACES):
-        differences, _ = fourth_differences(rows + lost, position)
-        excess = np.abs(differences / surely).max(axis=1)
-        excess[examined[: len(excess)]] = 0.0
-        worst = int(np.argmax(excess))
-        if not excess[worst] > 1.0:
-            break
-        row, count = _explain(rows + lost, position, worst)
-        lost[row:] += count
-        if not count:
-            examined[worst : worst + _STENCIL] = True
-    return lost
-
-
-def _explain(ticks: np.ndarray, position: np.ndarray, worst: int) -> tuple[int, int]:
-    """The row before which frames were lost about a stencil, and how many; 0: none."""
-    around = slice(max(worst - _STENCIL, 0), worst + 2 * _STENCIL)
-    own = ticks[around]
-    least = _EXPLAINED * _energy(own, position[around])
-    best = (worst, 0)
-    for row in range(worst + 1, worst + _STENCIL):
-        for count in range(1, _MOST_LOST + 1):
-            energy = _energy(own + count * (own >= ticks[row]), position[around])
-            if energy < least:
-                least = energy
-                best = (row, count)
-    return best
-
-
-def _energy(ticks: np.ndarray, position: np.ndarray) -> float:
-    differences, _ = fourth_differences(ticks, position)
-    return float(np.sum(differences**2))
+    way = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    around = np.pad(way, _AROUND // 2, mode="reflect")
+    usual = np.median(sliding_window_view(around, _AROUND), axis=1)
+    noise = np.linalg.norm(_noise(np.arange(len(position)), position))
+    is_sure = 0.5 * usual > _SURELY * noise  # Half a step more is no noise.
+    steps = np.round(way / np.where(is_sure, usual, np.inf))
+    lost = np.clip(steps - 1.0, 0.0, _MOST_LOST)
+    return np.append(0, np.cumsum(lost.astype(int)))
 
 
 def _noise(time: np.ndarray, position: np.ndarray) -> np.ndarray:

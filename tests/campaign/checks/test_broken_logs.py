@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.inspection import inspect
-from glider.campaign.checks.rows import _pieces_with_commands
 from glider.campaign.checks.servo import (
     calc_correlation,
     check_follows,
@@ -16,7 +15,6 @@ from glider.campaign.checks.servo import (
 from glider.campaign.reader import load_campaign
 from glider.compiled.actuators import elevator_path
 from glider.errors import InputError
-from glider.physics.servo import Servo
 from tests.campaign.checks import breaking as b
 from tests.helpers.campaigns import BLIND, PRACTICE, campaign_path
 
@@ -307,61 +305,6 @@ def test_an_elevator_that_stands_at_its_stop_has_no_wrong_clock(campaign):
     known, _ = calc_correlation(elevators, servo=campaign.limits)
     anywhere, _ = calc_correlation(elevators)
     assert known > 0.95 > anywhere
-
-
-def test_a_short_gap_is_cut_only_where_it_hides_how_the_elevator_turned(campaign):
-    """It hides a command of two rows; a gap one row later shows its beginning."""
-    command = campaign.flights[ODD].command
-    begins = np.flatnonzero(np.diff(command)) + 1
-    short = begins[:-1][np.diff(begins) == 2]
-    first = int(max(short, key=lambda k: abs(command[k] - command[k - 1])))
-    rows, _ = rows_set_aside(campaign, b.lose(first, 2))
-    pieces = list(range(first)), list(range(first, len(command) - 2))
-    assert rows == min(pieces, key=len)
-    rows, _ = rows_set_aside(campaign, b.lose(first + 1, 2))
-    assert rows == []
-
-
-def commanded(flight, rate, time, values, **how):
-    """Returns the flight, its elevator behind commands that begin at multiples."""
-    begins = np.arange(len(values)) / rate
-    held = np.searchsorted(begins, time + 1e-9, side="right") - 1
-    elevator = elevator_path(begins, values, time, **how)
-    command, pose = values[held], np.zeros((len(time), 3))
-    elevator += np.random.default_rng(0).normal(0.0, 5e-4, len(time))
-    return dataclasses.replace(
-        flight, time=time, pose=pose, elevator=elevator, command=command
-    )
-
-
-def test_stops_are_met_from_where_the_elevator_began(campaign):
-    """It goes to a stop, whose rest no command says, and a command is hidden later."""
-    time, flight = np.arange(103) / 120.0, campaign.flights[ODD]
-    limits = (-0.3, 0.3)
-    how = {"start": 0.2, "servo": Servo(*limits, 13.0)}
-    rates = np.concatenate([np.full(9, 2.0), np.zeros(9), [-6.0], np.zeros(24)])
-    at_stop = commanded(flight, 50.0, time, rates, **how)
-    place = dataclasses.replace(campaign, elevator_limits=limits)
-    assert _pieces_with_commands(b.lose(44, 2)(at_stop), place).max() == 1
-    rates[18] = 0.0
-    calm = commanded(flight, 50.0, time, rates, **how)
-    assert not _pieces_with_commands(b.lose(44, 2)(calm), place).any()
-    assert not _pieces_with_commands(b.lose(8, 2)(calm), place).any()
-
-
-def test_no_flight_is_cut_for_its_servo_an_odd_row_or_few_rows(campaign):
-    time, flight = np.arange(103) / 120.0, campaign.flights[ODD]
-    turns = 3.0 * (-1.0) ** (np.arange(43) // 17)
-    slow = commanded(flight, 50.0, time, turns, time_constant=0.02)
-    calm = commanded(flight, 50.0, time, 0.01 * np.arange(43.0))
-    odd = dataclasses.replace(calm, elevator=calm.elevator + 0.2 * (time == time[43]))
-    for whole in (slow, odd):  # The two rows hide a command, which changes little.
-        assert not _pieces_with_commands(b.lose(44, 2)(whole), campaign).any()
-    values = 0.01 * np.random.default_rng(1).normal(size=120)
-    values[48:72] *= 500.0
-    few = commanded(flight, 120.0, np.arange(45) / 50.0, values)
-    quick = dataclasses.replace(campaign, command_rate=120.0)
-    assert not _pieces_with_commands(few, quick).any()
 
 
 WHOLE_FLIGHTS = {

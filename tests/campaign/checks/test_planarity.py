@@ -7,6 +7,7 @@ import pytest
 
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import ALL
+from glider.campaign.checks.rows import find_faults
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
@@ -57,6 +58,11 @@ def test_a_throw_ends_where_its_wing_leaves_the_plane(campaign):
     assert told[0].rows == f"70-{len(campaign.flights[0].time) + 1}"
     upright = inspect(change(campaign, tilt(0.7, 0.1)))
     assert not upright.excluded
+
+
+def test_a_glider_that_rolls_on_and_on_has_no_exchanged_markers(campaign):
+    found = find_faults(change(campaign, roll_over(0)))
+    assert not [rows for rows in found.excluded if "markers" in rows.why]
 
 
 def test_a_throw_that_begins_out_of_the_plane_is_set_aside(campaign):

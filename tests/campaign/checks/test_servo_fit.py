@@ -149,7 +149,7 @@ def test_lost_commands_are_a_departure(campaign):
 
 def uneven(**numbers):
     """Returns the path of a servo that is not even."""
-    servo = LateServo(LIMITS, **numbers)
+    servo = LateServo(*LIMITS, **numbers)
 
     def path(switches, commands, time):
         tape = CommandTape(switches, commands, 0.0)
@@ -206,8 +206,8 @@ def test_what_makes_a_servo_uneven_is_named(campaign, path, words, number, error
 def test_a_servo_that_weakens_under_load_is_named(campaign, number):
     own = campaign
     servo = {
-        "lag_by_load": LateServo(LIMITS, lag=0.01, lag_by_load=0.05),
-        "rate_by_load": LateServo(LIMITS._replace(rate=6.0), rate_by_load=0.7),
+        "lag_by_load": LateServo(*LIMITS, lag=0.01, lag_by_load=0.05),
+        "rate_by_load": LateServo(*LIMITS._replace(rate=6.0), rate_by_load=0.7),
     }[number]
 
     def path(switches, commands, time):
@@ -216,7 +216,7 @@ def test_a_servo_that_weakens_under_load_is_named(campaign, number):
         return Elevator("", time, rows, time, tape, next(loads)).follow(time, servo)
 
     for _ in range(4):  # The load is that of the elevator as it turns.
-        elevators = measure_elevators(own, {}, at_rows=False)
+        elevators = measure_elevators(own, {})
         loads = iter([each.load for each in with_loads(own, {}, elevators)])
         own, _ = moved(campaign, path)
     _, [sentence] = identify_servo(own, {})
@@ -244,7 +244,7 @@ def turn_finely(servo, switches, commands, time, load):
         command = commands[
             np.searchsorted(switches, now - servo.delay, side="right") - 1
         ]
-        most = servo.limits.rate * (1.0 - servo.rate_by_load * force)
+        most = servo.rate * (1.0 - servo.rate_by_load * force)
         demanded += step * np.clip(command, -most, most) * (now >= servo.delay)
         side = 1.0 if demanded > behind else -1.0
         lag = servo.lag * (1.0 + side * servo.skew) + servo.lag_by_load * force
@@ -270,7 +270,7 @@ def test_an_uneven_servo_turns_as_its_numbers_say(numbers):
     switches = np.array([0.0, 0.1, 0.2, 0.3])
     tape = CommandTape(switches, np.array([4.0, -5.0, 2.0, -1.0]), 0.0)
     load = np.linspace(0.0, 1.0, len(time))
-    servo = LateServo(LIMITS._replace(rate=6.0), 0.01, 0.03)._replace(**numbers)
+    servo = LateServo(*LIMITS._replace(rate=6.0), 0.01, 0.03)._replace(**numbers)
     each = Elevator("", time, np.arange(len(time)), time, tape, load)
     true = turn_finely(servo, tape.switches, tape.commands, time, load)
     assert each.follow(time, servo) == pytest.approx(true, abs=2e-3)
@@ -282,7 +282,7 @@ def test_an_uneven_servo_without_numbers_is_even(campaign):
     flight = campaign.flights[0]
     tape = command_tape(flight, masks_of(flight, {}), campaign.switch_rate)
     each = Elevator("", flight.time, np.arange(len(flight.time)), flight.time, tape)
-    even = LateServo(campaign.limits, 0.004, 0.03)
+    even = LateServo(*campaign.limits, 0.004, 0.03)
     path = each.follow(flight.time, even)
     nearly = each.follow(flight.time, even._replace(play=1e-9))
     assert nearly == pytest.approx(path, abs=1e-6)
