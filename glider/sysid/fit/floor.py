@@ -146,24 +146,17 @@ def _deviations_of(flight: LinearFlight, scales: Scales) -> _Deviations:
     n = len(flight.states)
     total = len(flight.start)
     steps = np.diff(flight.record.time)[:, None]
-    air, wind = [n, n + 1], [n + 4, n + 5]
-    servo, trim = n + 3, n + 6
     processes = range(n, n + PROCESSES)
 
     moves = np.tile(np.eye(total), (len(steps), 1, 1))
-    moves[:, :n, :n] = flight.by_x
-    moves[:, :n, air] = flight.by_air
-    moves[:, :n, wind] = flight.by_air
-    moves[:, :n, servo] = flight.by_x[:, :, ELEVATOR]
-    moves[:, ELEVATOR, servo] = 0.0
-    moves[:, :n, trim] = flight.by_trim
+    moves[:, :n] = flight.moves
     moves[:, processes, processes] = np.exp(-steps / np.array(scales.times))
 
     shows = np.zeros((*flight.record.seen.shape, total))
     shows[:, :3, :n] = flight.pose_by_x
     shows[:, PITCH, -1] = 1.0
     shows[:, ELEVATOR, ELEVATOR] = 1.0
-    shows[:, ELEVATOR, servo] = 1.0
+    shows[:, ELEVATOR, n + 3] = 1.0
     return _Deviations(moves, shows)
 
 

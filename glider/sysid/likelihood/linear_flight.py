@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.filter_error import OWN_STATES, PROCESSES
+from glider.compiled.filter_error import OWN_STATES, PITCH, PITCH_RATE, PROCESSES
 from glider.compiled.replay import (
     OFFSET,
     LogPath,
@@ -53,9 +53,7 @@ class LinearFlight:
     about: Surroundings
     nodes: np.ndarray
     states: list[int]  #: Of the nodes that the other arrays have.
-    by_x: np.ndarray
-    by_air: np.ndarray
-    by_trim: np.ndarray
+    moves: np.ndarray
     by_term: np.ndarray  #: By a constant of each of `terms`.
     terms: tuple[str, ...]  #: Of FREE_FUNCTIONS, the air's first.
     inputs: np.ndarray
@@ -85,8 +83,13 @@ class LinearFlight:
         The error of a formula is a force in any direction; moving air barely turns the
         force on a plate, which would make drag too certain.
         """
-        forces = self.by_term.take([*map(self.terms.index, FORCES)], 2)
-        return dataclasses.replace(self, by_air=forces)
+        n = len(self.states)
+        moves = self.moves.copy()
+        for i, name in enumerate(FORCES):
+            force = self.by_term[:, :, self.terms.index(name), None]
+            moves[:, :, [n + i, n + PROCESSES + i]] = force
+
+        return dataclasses.replace(self, moves=moves)
 
     def with_columns(
         self, added: Sequence[tuple[EffectKind, np.ndarray]]
@@ -193,23 +196,29 @@ def linearize(
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
 
-    by_x = by_x.take(states, 1).take(states, 2)
+    n = len(states)
+    step = np.diff(record.time)
     by_term = by_term.take(states, 1)
-    by_trim = by_x[:, :, OFFSET].copy()
+    by_air = by_term[:, :, :2]
+    by_trim = by_x[:, :, OFFSET].take(states, 1)
     by_trim[:, OFFSET] = 0.0
+    moves = np.zeros((len(ends), n, n + OWN_STATES))
+    moves[:, :, :n] = by_x.take(states, 1).take(states, 2)
+    moves[:, :, n : n + 2] = moves[:, :, n + 4 : n + 6] = by_air
+    moves[:, PITCH, n + 2] = 0.5 * step**2
+    moves[:, PITCH_RATE, n + 2] = step
+    moves[:, :, n + 3] = moves[:, :, n + 6] = by_trim
     if record.trim_is_moment:
         [slot] = space.slots_of(PITCH_MOMENT.kind)
         per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
-        by_trim = per_radian * by_term[:, :, shown.index("c_moment")]
+        moves[:, :, n + 6] = per_radian * by_term[:, :, shown.index("c_moment")]
 
     return LinearFlight(
         record=record,
         about=about,
         nodes=nodes,
         states=states,
-        by_x=by_x,
-        by_air=by_term[:, :, :2].copy(),
-        by_trim=by_trim,
+        moves=moves,
         by_term=by_term,
         terms=shown,
         inputs=inputs.take(states, 1),

@@ -141,7 +141,8 @@ def test_moving_air_acts_on_the_forces_of_free_functions(task):
 
     for k, wind in enumerate(1e-3 * np.eye(2)):
         expected = (ends(*wind) - ends(*-wind))[:, flight.states] / 2e-3
-        apart = np.abs(flight.by_air[:, :, k] - expected).max()
+        by_air = flight.moves[:, :, len(flight.states) + k]
+        apart = np.abs(by_air - expected).max()
         assert apart < 0.02 * np.abs(expected).max()
 
 
@@ -204,7 +205,7 @@ def test_an_error_of_many_columns_is_that_of_each(task):
         terms=["c_drag", "wind_z"],
     )
     for name in ("c_drag", "pose_pitch", "wind_z"):
-        nodes = len(flight.by_air) + (name in SENSOR_TERMS)
+        nodes = len(flight.moves) + (name in SENSOR_TERMS)
         values = rng.normal(size=(nodes, 3))
         flight = flight.with_columns([(FREE_FUNCTIONS[name], values)])
     change = rng.normal(size=len(columns) + 9)
@@ -240,8 +241,8 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     expected = (flown[1] - flown[0])[-1, flight.states]
     deviation = np.zeros(len(flight.states))
     deviation[OFFSET] = apart
-    for by_x in flight.by_x:
-        deviation = by_x @ deviation
+    for moves in flight.moves:
+        deviation = moves[:, : len(deviation)] @ deviation
     assert deviation[OFFSET] == 0.0 and abs(deviation[2]) > apart
     np.testing.assert_allclose(deviation, expected, rtol=0.05, atol=0.2 * apart)
     # Measured before the stop, it is off there alone.
