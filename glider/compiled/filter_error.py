@@ -43,7 +43,7 @@ class FilterArrays(NamedTuple):
     times: np.ndarray  #: (K + 1,) of the nodes [s].
     moves: np.ndarray  #: (K, n, n + 8) how each interval's end moves with deviations.
     inputs: np.ndarray  #: (K, n, m) how each column moves it.
-    pose_by_x: np.ndarray  #: (K + 1, 3, n) how the pose moves with the node.
+    shows: np.ndarray  #: (K + 1, C, n + 8) how deviations show in what is measured.
     outputs: (
         np.ndarray
     )  #: (K + 1, C, m) how each column moves pose and elevator: C = 4.
@@ -64,26 +64,13 @@ class FilterArrays(NamedTuple):
 
 
 @inlined_code
-def _measuring(n, k, c, pose_by_x, row):
-    """Writes how channel c of node k shows the deviations, (n + 8,)."""
-    row[:] = 0.0
-    if c < 3:
-        row[:n] = pose_by_x[k, c]
-        if c == PITCH:
-            row[n + 7] = 1.0
-    else:
-        row[ELEVATOR] = 1.0
-        row[n + 3] = 1.0
-
-
-@inlined_code
 def _filter_columns(
     n,
     m,
     times,
     moves,
     inputs,
-    pose_by_x,
+    shows,
     outputs,
     seen,
     variance,
@@ -123,7 +110,7 @@ def _filter_columns(
         for c in range(seen.shape[1]):
             if not seen[k, c]:
                 continue
-            _measuring(n, k, c, pose_by_x, row)
+            row[:] = shows[k, c]
             own = variance[c]
             gain[:] = 0.0
             for j in range(m):
@@ -244,7 +231,7 @@ def _trace_back(
     times,
     moves,
     inputs,
-    pose_by_x,
+    shows,
     outputs,
     seen,
     variance,
@@ -300,7 +287,7 @@ def _trace_back(
         for c in range(seen.shape[1] - 1, -1, -1):
             if not seen[k, c]:
                 continue
-            _measuring(n, k, c, pose_by_x, row)
+            row[:] = shows[k, c]
             inverse = 1.0 / variances[k, c]
             change = innovations[k, c, 0] * np.sqrt(variances[k, c])
             spread = inverse
@@ -360,7 +347,7 @@ def no_flight() -> FilterArrays:
         times=a,
         moves=c,
         inputs=c,
-        pose_by_x=c,
+        shows=c,
         outputs=c,
         seen=np.zeros((0, 0), dtype=bool),
         variance=a,

@@ -93,6 +93,7 @@ def _filter(
     smoothed: int = 0,
 ) -> FilterArrays:
     """Filters a flight, of which so many nodes are to be smoothed."""
+    flight = flight.whole
     record = flight.record
     n = len(flight.states)
     usual = start_variances(flight, scales)
@@ -100,7 +101,7 @@ def _filter(
         times=record.time,
         moves=flight.moves,
         inputs=flight.inputs,
-        pose_by_x=flight.pose_by_x,
+        shows=flight.shows,
         outputs=flight.outputs,
         seen=record.seen,
         variance=np.square(scales.sensors),

@@ -6,7 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.filter_error import OWN_STATES, PITCH, PITCH_RATE, PROCESSES
+from glider.compiled.filter_error import (
+    ELEVATOR,
+    OWN_STATES,
+    PITCH,
+    PITCH_RATE,
+    PROCESSES,
+)
 from glider.compiled.replay import (
     OFFSET,
     LogPath,
@@ -21,7 +27,13 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes
 from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import signals, states_at_rest, trimmed, true_nodes
+from glider.sysid.replay.replayed import (
+    offset_persists,
+    signals,
+    states_at_rest,
+    trimmed,
+    true_nodes,
+)
 
 FORCES = "c_lift", "c_drag"  # Terms that errors of the forces are of.
 
@@ -57,25 +69,35 @@ class LinearFlight:
     by_term: np.ndarray  #: By a constant of each of `terms`.
     terms: tuple[str, ...]  #: Of FREE_FUNCTIONS, the air's first.
     inputs: np.ndarray
-    pose_by_x: np.ndarray
+    shows: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
+    #: More columns, which `whole` has before the last: each block is of an effect of
+    #: FREE_FUNCTIONS, with its values (K, q) at the midpoints of intervals; or
+    #: (K + 1, q) at the nodes, if sensors show it.
+    added: Sequence[tuple[EffectKind, np.ndarray]] = ()
 
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
-        mix = np.append(-weights, 1.0)
+        sizes = [self.inputs.shape[2] - 1, *(v.shape[1] for _, v in self.added)]
+        own, *parts = np.split(weights, np.cumsum(sizes)[:-1])
+        pairs = zip(self.added, parts, strict=True)
+        added = [(effect, values @ part[:, None]) for (effect, values), part in pairs]
+        whole = dataclasses.replace(self, added=added).whole
+        mix = np.concatenate([-own, -np.ones(len(added)), [1.0]])
         return dataclasses.replace(
-            self,
+            whole,
             by_term=np.empty((*self.inputs.shape[:2], 0)),
-            inputs=(self.inputs @ mix)[..., None],
-            outputs=(self.outputs @ mix)[..., None],
-            start=(self.start @ mix)[..., None],
+            inputs=(whole.inputs @ mix)[..., None],
+            outputs=(whole.outputs @ mix)[..., None],
+            start=(whole.start @ mix)[..., None],
         )
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        return self.combined(np.zeros(self.inputs.shape[2] - 1))
+        more = sum(values.shape[1] for _, values in self.added)
+        return self.combined(np.zeros(self.inputs.shape[2] - 1 + more))
 
     def with_force_errors(self) -> "LinearFlight":
         """Returns the flight with errors of C_L and C_D in place of moving air.
@@ -91,20 +113,17 @@ class LinearFlight:
 
         return dataclasses.replace(self, moves=moves)
 
-    def with_columns(
-        self, added: Sequence[tuple[EffectKind, np.ndarray]]
-    ) -> "LinearFlight":
-        """Returns the flight with more columns, before the last.
-
-        Each block is of an effect of FREE_FUNCTIONS, with its values (K, q) at the
-        midpoints of intervals; or (K + 1, q) at the nodes, if sensors show it.
-        """
+    @property
+    def whole(self) -> "LinearFlight":
+        """The flight with all columns, which take ten times the memory."""
+        if not self.added:
+            return self
         first = self.inputs.shape[2] - 1
-        places = [first] * sum(values.shape[1] for _, values in added)
+        places = [first] * sum(values.shape[1] for _, values in self.added)
         inputs = np.insert(self.inputs, places, 0.0, -1)
         outputs = np.insert(self.outputs, places, 0.0, -1)
         start = np.insert(self.start, places, 0.0, -1)
-        for effect, values in added:
+        for effect, values in self.added:
             last = first + values.shape[1]
             if effect.stage == "sensor":
                 channel = SENSOR_TERMS.index(effect.kind)
@@ -115,14 +134,16 @@ class LinearFlight:
 
             first = last
 
-        return dataclasses.replace(self, inputs=inputs, outputs=outputs, start=start)
+        return dataclasses.replace(
+            self, inputs=inputs, outputs=outputs, start=start, added=()
+        )
 
 
 def path_of(
     record: Record, theta: np.ndarray, about: Surroundings
 ) -> tuple[LogPath, np.ndarray]:
     """Returns a flight's path and dynamics under a model, in its surroundings."""
-    elevator, rate, *_ = signals(record, theta)
+    elevator, rate, _ = signals(record, theta)
     flown, shift = trimmed(record, theta, about.constants[2])
     wind = about.wind(record)
     path = log_path(record.time, elevator + shift, rate, wind, record.bank)
@@ -186,7 +207,7 @@ def linearize(
     inputs = np.zeros((len(ends), width, columns))
     by_air = by_term[:, :, :2]
     missed = (ends - nodes[1:])[:, :width]
-    at_stop = ~signals(record, theta).offset_persists[1:]
+    at_stop = ~offset_persists(record, theta)[1:]
     by_x[at_stop, OFFSET], missed[at_stop, OFFSET] = 0.0, 0.0
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
@@ -208,6 +229,11 @@ def linearize(
     moves[:, PITCH, n + 2] = 0.5 * step**2
     moves[:, PITCH_RATE, n + 2] = step
     moves[:, :, n + 3] = moves[:, :, n + 6] = by_trim
+    shows = np.zeros((*record.seen.shape, n + OWN_STATES))
+    pose_by_x = measure_nodes(kinds, nodes, dynamics, gaussians)[1]
+    shows[:, :3, :n] = pose_by_x.take(states, 2)
+    shows[:, PITCH, -1] = 1.0
+    shows[:, ELEVATOR, [ELEVATOR, n + 3]] = 1.0
     if record.trim_is_moment:
         [slot] = space.slots_of(PITCH_MOMENT.kind)
         per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
@@ -222,7 +248,7 @@ def linearize(
         by_term=by_term,
         terms=shown,
         inputs=inputs.take(states, 1),
-        pose_by_x=measure_nodes(kinds, nodes, dynamics, gaussians)[1].take(states, 2),
+        shows=shows,
         outputs=_outputs(record, theta, gaussians, directions, nodes),
         start=start,
     )

@@ -78,7 +78,7 @@ class Written:
 
     def seen(self, k, state):
         n = self.n
-        pose = self.flight.pose_by_x[k] @ state[:n]
+        pose = self.flight.shows[k, :3, :n] @ state[:n]
         pose[2] += state[n + 7]
         shown = [*pose, state[3] + state[n + 3], state[6]]
         return np.array(shown[: self.flight.record.seen.shape[1]])
