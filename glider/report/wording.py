@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sized
 
 import jinja2
 
+from glider.paths import cache_folder
 from glider.physics.effects import KINDS
 from glider.physics.effects.free_functions import FLOW_UNITS
-from glider.paths import cache_folder
 from glider.report import numbers
 from glider.report.error_table import FREE, baseline, error_of
 from glider.sysid.result import Estimate, Result
