@@ -95,7 +95,7 @@ TEMPLATES = jinja2.Environment(
     lstrip_blocks=True,
     bytecode_cache=jinja2.FileSystemBytecodeCache(str(cache_folder())),
 )
-"""Templates of pages and of sentences, compiled once: that takes a third of a second."""
+"""Templates of pages and of sentences; their code is kept, as it takes long to make."""
 
 TEMPLATES.globals |= {
     "DIVERGED": numbers.DIVERGED,
