@@ -309,22 +309,16 @@ def _outputs(
 ) -> np.ndarray:
     """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
     space = record.space
-    pose = sensed(space, nodes, theta, gaussians)
-    logged = _logged(record, nodes, theta)
-    shown = np.hstack([pose, logged])
+
+    def shown_by(theta: np.ndarray) -> np.ndarray:
+        logged = signals(record, theta).logged + nodes[:, OFFSET]
+        return np.column_stack([sensed(space, nodes, theta, gaussians), logged])
+
+    shown = shown_by(theta)
     outputs = np.zeros((*shown.shape, len(directions) + 1))
     for j, d in enumerate(directions):
-        if d.slot in space.sensor_slots:
-            moved = sensed(space, nodes, d.moved(theta), gaussians)
-            outputs[:, :3, j] = (moved - pose) / d.size
-        elif d.slot >= space.num_flown:
-            moved = _logged(record, nodes, d.moved(theta))
-            outputs[:, 3:, j] = (moved - logged) / d.size
+        if d.slot in space.sensor_slots or d.slot >= space.num_flown:
+            outputs[:, :, j] = (shown_by(d.moved(theta)) - shown) / d.size
 
     outputs[:, :, -1] = np.column_stack([record.pose, record.elevator]) - shown
     return outputs
-
-
-def _logged(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """What a log shows of the elevator at states, (K + 1, 1)."""
-    return (signals(record, theta).logged + nodes[:, OFFSET])[:, None]
