@@ -35,7 +35,11 @@ from glider.sysid.replay.replayed import (
     true_nodes,
 )
 
-FORCES = "c_lift", "c_drag"  # Terms that errors of the forces are of.
+FORCES = "c_lift", "c_drag"
+"""Terms of errors of C_L and C_D, in place of moving air.
+
+The error of a formula is a force in any direction; moving air barely turns the force on
+a plate, which would make drag too certain."""
 
 
 class Surroundings(NamedTuple):
@@ -67,7 +71,7 @@ class LinearFlight:
     states: list[int]  #: Of the nodes that the other arrays have.
     moves: np.ndarray
     by_term: np.ndarray  #: By a constant of each of `terms`.
-    terms: tuple[str, ...]  #: Of FREE_FUNCTIONS, the air's first.
+    terms: tuple[str, ...]  #: Of FREE_FUNCTIONS, those of the air first.
     inputs: np.ndarray
     shows: np.ndarray
     outputs: np.ndarray
@@ -80,12 +84,8 @@ class LinearFlight:
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
-        sizes = [self.inputs.shape[2] - 1, *(v.shape[1] for _, v in self.added)]
-        own, *parts = np.split(weights, np.cumsum(sizes)[:-1])
-        pairs = zip(self.added, parts, strict=True)
-        added = [(effect, values @ part[:, None]) for (effect, values), part in pairs]
-        whole = dataclasses.replace(self, added=added).whole
-        mix = np.concatenate([-own, -np.ones(len(added)), [1.0]])
+        whole = self.whole
+        mix = np.append(-weights, 1.0)
         return dataclasses.replace(
             whole,
             by_term=np.empty((*self.inputs.shape[:2], 0)),
@@ -96,22 +96,8 @@ class LinearFlight:
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        more = sum(values.shape[1] for _, values in self.added)
-        return self.combined(np.zeros(self.inputs.shape[2] - 1 + more))
-
-    def with_force_errors(self) -> "LinearFlight":
-        """Returns the flight with errors of C_L and C_D in place of moving air.
-
-        The error of a formula is a force in any direction; moving air barely turns the
-        force on a plate, which would make drag too certain.
-        """
-        n = len(self.states)
-        moves = self.moves.copy()
-        for i, name in enumerate(FORCES):
-            force = self.by_term[:, :, self.terms.index(name), None]
-            moves[:, :, [n + i, n + PROCESSES + i]] = force
-
-        return dataclasses.replace(self, moves=moves)
+        alone = dataclasses.replace(self, added=())
+        return alone.combined(np.zeros(self.inputs.shape[2] - 1))
 
     @property
     def whole(self) -> "LinearFlight":
@@ -158,10 +144,12 @@ def linearize(
     directions: Sequence[Direction] = (),
     about: Surroundings = STILL_AIR,
     terms: Iterable[str] = (),
+    air: Sequence[str] = AIR_TERMS,
 ) -> LinearFlight:
     """Makes a flight linear about its smoothed measurement and its surroundings.
 
-    Free functions may be added to it later only at `terms` of FREE_FUNCTIONS.
+    Free functions may be added to it later only at `terms` of FREE_FUNCTIONS. Gusts and
+    winds move it as constants of two terms do: of moving air, or of FORCES.
     """
     space = record.space
     theta = theta.copy()
@@ -172,7 +160,7 @@ def linearize(
     nodes = true_nodes(record, theta, gaussians, with_states)
     states = space.acting_states(theta)
     columns = len(directions) + 1
-    terms = dict.fromkeys(t for t in (*AIR_TERMS, *terms) if t not in SENSOR_TERMS)
+    terms = dict.fromkeys(t for t in (*air, *terms) if t not in SENSOR_TERMS)
     if record.trim_is_moment:
         terms["c_moment"] = None
     shown = tuple(terms)
@@ -220,15 +208,13 @@ def linearize(
     n = len(states)
     step = np.diff(record.time)
     by_term = by_term.take(states, 1)
-    by_air = by_term[:, :, :2]
-    by_trim = by_x[:, :, OFFSET].take(states, 1)
-    by_trim[:, OFFSET] = 0.0
     moves = np.zeros((len(ends), n, n + OWN_STATES))
     moves[:, :, :n] = by_x.take(states, 1).take(states, 2)
-    moves[:, :, n : n + 2] = moves[:, :, n + 4 : n + 6] = by_air
+    moves[:, :, n : n + 2] = moves[:, :, n + 4 : n + 6] = by_term[:, :, :2]
     moves[:, PITCH, n + 2] = 0.5 * step**2
     moves[:, PITCH_RATE, n + 2] = step
-    moves[:, :, n + 3] = moves[:, :, n + 6] = by_trim
+    moves[:, :, n + 3] = moves[:, :, n + 6] = moves[:, :, OFFSET]
+    moves[:, OFFSET, [n + 3, n + 6]] = 0.0
     shows = np.zeros((*record.seen.shape, n + OWN_STATES))
     pose_by_x = measure_nodes(kinds, nodes, dynamics, gaussians)[1]
     shows[:, :3, :n] = pose_by_x.take(states, 2)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
+from glider.physics.effects.free_functions import AIR_TERMS
 from glider.sysid.constants import PRIOR_SCALES, RESOLVED
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.filtering import (
@@ -68,12 +69,10 @@ def linear_flight(
     """Returns one flight, linear about a model; see `linear_flights`."""
     gaussians = model.gaussians
     functions = (*model.functions, *others)
-    terms = {own.effect.kind for own in functions}
-    terms.update(FORCES if model.has_force_errors else ())
-    own = model.about.get(record.name, STILL_AIR)
-    flight = linearize(record, model.theta, gaussians, directions, own, sorted(terms))
-    if model.has_force_errors:
-        flight = flight.with_force_errors()
+    terms = sorted({own.effect.kind for own in functions})
+    air = FORCES if model.has_force_errors else AIR_TERMS
+    about = model.about.get(record.name, STILL_AIR)
+    flight = linearize(record, model.theta, gaussians, directions, about, terms, air)
     if not functions:
         return flight
     values = values_at_nodes(flight, model.theta, gaussians)

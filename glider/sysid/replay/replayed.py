@@ -81,14 +81,12 @@ def _replayed(record: Record, theta: np.ndarray) -> _Signals:
 
 
 def _persisting(record: Record, theta: np.ndarray) -> np.ndarray:
-    n = len(record.time)
-    if not record.has_servo:
-        return np.ones(n, bool)
-    first, other = (
-        _path_from(record, theta, record.rest + change, record.time)[:n]
+    usual, other = (
+        _path_from(record, theta, record.rest + change, record.time)
         for change in (0.0, _PERTURBATION)
     )
-    return np.logical_and.accumulate(other - first > 0.5 * _PERTURBATION)
+    is_off = other - usual > 0.5 * _PERTURBATION
+    return np.logical_and.accumulate(is_off[: len(record.time)])
 
 
 def _path_from(
@@ -96,10 +94,11 @@ def _path_from(
 ) -> np.ndarray:
     """Returns an elevator's path from some start [rad]: flown, then logged.
 
-    That is at the times (m,), and as the log shows it at the rows (n,).
+    That is at the times (m,), and as the log shows it at the rows (n,). One that is not
+    commanded stands where it began, at zero.
     """
     if not record.has_servo:
-        return np.zeros(len(times) + len(record.time))
+        return np.full(len(times) + len(record.time), start - record.rest)
     replay = record.space.replay(theta)
     latency = replay.latency + replay.drift * record.place
     query = np.concatenate([times - latency, record.time])
