@@ -43,7 +43,9 @@ class FilterArrays(NamedTuple):
     times: np.ndarray  #: (K + 1,) of the nodes [s].
     moves: np.ndarray  #: (K, n, n + 8) how each interval's end moves with deviations.
     inputs: np.ndarray  #: (K, n, m) how each column moves it.
-    shows: np.ndarray  #: (K + 1, C, n + 8) how deviations show in what is measured.
+    #: (K + 1, C, n + 8) how deviations show in what is measured; (1, C, n + 8) if that
+    #: is the same at all nodes.
+    shows: np.ndarray
     outputs: (
         np.ndarray
     )  #: (K + 1, C, m) how each column moves pose and elevator: C = 4.
@@ -110,7 +112,7 @@ def _filter_columns(
         for c in range(seen.shape[1]):
             if not seen[k, c]:
                 continue
-            row[:] = shows[k, c]
+            row[:] = shows[k % shows.shape[0], c]
             own = variance[c]
             gain[:] = 0.0
             for j in range(m):
@@ -287,7 +289,7 @@ def _trace_back(
         for c in range(seen.shape[1] - 1, -1, -1):
             if not seen[k, c]:
                 continue
-            row[:] = shows[k, c]
+            row[:] = shows[k % shows.shape[0], c]
             inverse = 1.0 / variances[k, c]
             change = innovations[k, c, 0] * np.sqrt(variances[k, c])
             spread = inverse

@@ -164,7 +164,7 @@ def _squares(
     """Mean squares of a flight's replicas (4, R), as in `Floor`; inf if it diverges."""
     flight = linearize(record, model.theta, model.gaussians)
     moves, shows = _moves_of(flight, truth), flight.shows
-    nodes, channels, total = shows.shape
+    nodes, (channels, total) = len(record.time), shows.shape[1:]
     n = len(flight.states)
     seen = record.seen
     beginning = of_launch(record, beginning_rows(record.time, model.per_flight_trims))

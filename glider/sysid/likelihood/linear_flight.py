@@ -29,6 +29,7 @@ from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import (
     offset_persists,
+    reads_truly,
     signals,
     states_at_rest,
     trimmed,
@@ -152,6 +153,8 @@ def linearize(
     winds move it as constants of two terms do: of moving air, or of FORCES.
     """
     space = record.space
+    # All nodes show as the first does then: a flight's own zero of the pitch is added.
+    is_read_truly = reads_truly(space, theta, gaussians)
     theta = theta.copy()
     constants = about.constants
     theta[list(space.slots_of(PITCH_OFFSET.kind))] += constants[3]  # It reads too much.
@@ -215,8 +218,9 @@ def linearize(
     moves[:, PITCH_RATE, n + 2] = step
     moves[:, :, n + 3] = moves[:, :, n + 6] = moves[:, :, OFFSET]
     moves[:, OFFSET, [n + 3, n + 6]] = 0.0
-    shows = np.zeros((*record.seen.shape, n + OWN_STATES))
-    pose_by_x = measure_nodes(kinds, nodes, dynamics, gaussians)[1]
+    measured = nodes[:1] if is_read_truly else nodes
+    pose_by_x = measure_nodes(kinds, measured, dynamics, gaussians)[1]
+    shows = np.zeros((len(measured), record.seen.shape[1], n + OWN_STATES))
     shows[:, :3, :n] = pose_by_x.take(states, 2)
     shows[:, PITCH, -1] = 1.0
     shows[:, ELEVATOR, [ELEVATOR, n + 3]] = 1.0

@@ -16,6 +16,7 @@ from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import OFFSET
 from glider.physics.effects import FLOW_VARIABLES, NO_GAUSSIANS, PITCH_MOMENT, Gaussians
 from glider.physics.effects.free_functions import COEFFICIENTS
+from glider.physics.parameter_space import ParameterSpace
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.log_space import resting_states, sensed
 from glider.sysid.replay.record import Record
@@ -163,6 +164,12 @@ def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.n
     return resting_states(record.space, record.time[0], start, rate[0], theta)
 
 
+def reads_truly(space: ParameterSpace, theta: np.ndarray, gaussians: Gaussians) -> bool:
+    """Whether a model's sensors show the pose as it is."""
+    is_read = gaussians.weights.shape[1] > gaussians.num_flown
+    return not is_read and not np.any(theta[list(space.sensor_slots)])
+
+
 def _without_sensors(
     record: Record, theta: np.ndarray, gaussians: Gaussians
 ) -> np.ndarray:
@@ -170,8 +177,7 @@ def _without_sensors(
     space = record.space
     n = len(record.time)
     step = 1e-4
-    is_read = gaussians.weights.shape[1] > gaussians.num_flown
-    if not is_read and not np.any(theta[list(space.sensor_slots)]):
+    if reads_truly(space, theta, gaussians):
         return record.nodes.copy()
     states = np.tile(record.nodes, (2, 1))
     states[n:, :3] += step * states[n:, 4:7]

@@ -78,7 +78,8 @@ class Written:
 
     def seen(self, k, state):
         n = self.n
-        pose = self.flight.shows[k, :3, :n] @ state[:n]
+        shows = self.flight.shows[k % len(self.flight.shows)]
+        pose = shows[:3, :n] @ state[:n]
         pose[2] += state[n + 7]
         shown = [*pose, state[3] + state[n + 3], state[6]]
         return np.array(shown[: self.flight.record.seen.shape[1]])
