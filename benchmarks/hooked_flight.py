@@ -16,6 +16,7 @@ from glider.campaign.logs import Flight
 from glider.physics.compose import compose, initial_extra
 from glider.physics.effects import ELEVATOR_TRIM, PITCH_OFFSET, STAGES, Flow
 from glider.physics.model import GliderModel
+from glider.physics.parameter_space import space_of
 from tests.helpers.lifelike import Capture
 from tests.helpers.lifelike_flight import STEP
 
@@ -134,7 +135,9 @@ class HookedGlider:
 
         turning = (self.elevator[2] - self.elevator[0]) / STEP
         flow, _ = chain.meet_air(0.0, state, turning, *constants[:2], theta)
-        for i, rest in enumerate(initial_extra(effects, flow, turning, theta.c)):
+        for i, rest in enumerate(
+            initial_extra(space_of(effects), flow, turning, theta.c)
+        ):
             state[7 + i] = rest
         poses = [shown()]
         for k in range(steps):

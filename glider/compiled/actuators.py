@@ -7,6 +7,7 @@ from glider.compiled.runge_kutta import advance, put
 from glider.physics.chain import actuator_rates, actuator_terms, demanded_angle
 from glider.physics.compose import initial_extra
 from glider.physics.effects import SERVO_LAG, Replay
+from glider.physics.parameter_space import space_of
 from glider.physics.servo import (
     NO_LIMITS,
     Servo,
@@ -232,7 +233,7 @@ def replayed_path(
     even = np.linspace(first, last, int((last - first) / STEP) + 2)
     times = np.union1d(even, begins)
     held = commands[np.searchsorted(begins, times[:-1], side="right") - 1]
-    rest = initial_extra(kinds, None, 0.0, c)
+    rest = initial_extra(space_of(kinds), None, 0.0, c)
     states = np.empty((len(times), 1 + len(rest)))
     states[0] = [start, *rest]
     LOOPS.over(kinds).actuator_path(times, held, c, servo, states)

@@ -41,11 +41,11 @@ class FilterArrays(NamedTuple):
     """
 
     times: np.ndarray  #: (K + 1,) of the nodes [s].
-    by_x: np.ndarray  #: (K, n, n) how each interval's end moves with its node.
-    by_air: np.ndarray  #: (K, n, 2) how it moves with a constant velocity of the air.
-    by_trim: np.ndarray  #: (K, n) how it moves with the flight's own trim.
+    moves: np.ndarray  #: (K, n, n + 8) how each interval's end moves with deviations.
     inputs: np.ndarray  #: (K, n, m) how each column moves it.
-    pose_by_x: np.ndarray  #: (K + 1, 3, n) how the pose moves with the node.
+    #: (K + 1, C, n + 8) how deviations show in what is measured; (1, C, n + 8) if that
+    #: is the same at all nodes.
+    shows: np.ndarray
     outputs: (
         np.ndarray
     )  #: (K + 1, C, m) how each column moves pose and elevator: C = 4.
@@ -66,59 +66,13 @@ class FilterArrays(NamedTuple):
 
 
 @inlined_code
-def _sum_up(n, m, deviations, summed):
-    """Writes the sums of deviations (n + 8, m) that move the motion, (n + 5, m).
-
-    The motion's own; gust and wind in x; in z; pitch acceleration; elevator's
-    departure; trim.
-    """
-    for i in range(n + PROCESSES):
-        for j in range(m):
-            summed[i, j] = deviations[i, j]
-    for j in range(m):
-        summed[n, j] += deviations[n + 4, j]
-        summed[n + 1, j] += deviations[n + 5, j]
-        summed[n + 4, j] = deviations[n + 6, j]
-
-
-@inlined_code
-def _set_moves(n, k, step, by_x, by_air, by_trim, moves):
-    """Writes how the motion moves with the sums of `_sum_up`, (n, n + 5)."""
-    for i in range(n):
-        for j in range(n):
-            moves[i, j] = by_x[k, i, j]
-        moves[i, n] = by_air[k, i, 0]
-        moves[i, n + 1] = by_air[k, i, 1]
-        if i != ELEVATOR:
-            moves[i, n + 3] = by_x[k, i, ELEVATOR]
-        moves[i, n + 4] = by_trim[k, i]
-    moves[PITCH, n + 2] = 0.5 * step * step
-    moves[PITCH_RATE, n + 2] = step
-
-
-@inlined_code
-def _measuring(n, k, c, pose_by_x, row):
-    """Writes how channel c of node k shows the deviations, (n + 8,)."""
-    row[:] = 0.0
-    if c < 3:
-        row[:n] = pose_by_x[k, c]
-        if c == PITCH:
-            row[n + 7] = 1.0
-    else:
-        row[ELEVATOR] = 1.0
-        row[n + 3] = 1.0
-
-
-@inlined_code
 def _filter_columns(
     n,
     m,
     times,
-    by_x,
-    by_air,
-    by_trim,
+    moves,
     inputs,
-    pose_by_x,
+    shows,
     outputs,
     seen,
     variance,
@@ -146,15 +100,10 @@ def _filter_columns(
     covariance = np.zeros((total, width))
     for i in range(total):
         covariance[i, i] = start[i]
-    # Wind moves the motion as gusts do: so few sums of the deviations say it all.
-    sums = n + 5
-    moves = np.zeros((n, sums))
-    moved_by = np.zeros((sums, narrow))
-    summed_mean = np.empty((sums, m))
-    summed = np.empty((sums, width))
+    before = np.empty((total, m))
     half = np.empty((n, width))
+    moved_by = np.zeros((total, narrow))
     own_half = np.empty(narrow)
-    twice_summed = np.empty((n, sums))
     row = np.empty(total)
     gain = np.empty(width)
     innovations[:] = 0.0
@@ -163,7 +112,7 @@ def _filter_columns(
         for c in range(seen.shape[1]):
             if not seen[k, c]:
                 continue
-            _measuring(n, k, c, pose_by_x, row)
+            row[:] = shows[k % shows.shape[0], c]
             own = variance[c]
             gain[:] = 0.0
             for j in range(m):
@@ -202,36 +151,30 @@ def _filter_columns(
         step = times[k + 1] - times[k]
         for p in range(PROCESSES):
             keep[p] = np.exp(-rates[p] * step)
-        _set_moves(n, k, step, by_x, by_air, by_trim, moves)
-        for i in range(n):
-            for r in range(sums):
-                moved_by[r, i] = moves[i, r]
-
-        _sum_up(n, m, mean, summed_mean)
+        before[:] = mean
         for i in range(n):
             for j in range(m):
                 mean[i, j] = inputs[k, i, j]
-            for r in range(sums):
-                part = moves[i, r]
+            for r in range(total):
+                part = moves[k, i, r]
+                moved_by[r, i] = part
                 if part != 0.0:
                     for j in range(m):
-                        mean[i, j] += part * summed_mean[r, j]
+                        mean[i, j] += part * before[r, j]
         for p in range(PROCESSES):
             for j in range(m):
                 mean[n + p, j] *= keep[p]
 
-        _sum_up(n, width, covariance, summed)
         for i in range(n):
             half[i] = 0.0
-            for r in range(sums):
-                part = moves[i, r]
+            for r in range(total):
+                part = moves[k, i, r]
                 for j in range(width):
-                    half[i, j] += part * summed[r, j]
-        _sum_up(n, n, half.T, twice_summed.T)
+                    half[i, j] += part * covariance[r, j]
         for i in range(n):
             own_half[:] = 0.0
-            for r in range(sums):
-                part = twice_summed[i, r]
+            for r in range(total):
+                part = half[i, r]
                 for j in range(narrow):
                     own_half[j] += part * moved_by[r, j]
             for j in range(n):
@@ -256,7 +199,7 @@ def filter_flight(*flight):
     scales filter.
     """
     n = flight[1].shape[1]
-    m = flight[4].shape[2]
+    m = flight[2].shape[2]
     if n == MOTION and m == 1:
         _filter_columns(MOTION, 1, *flight)
     elif n == MOTION:
@@ -266,29 +209,17 @@ def filter_flight(*flight):
 
 
 @inlined_code
-def _move_back(n, m, step, rates, moves, later, summed, earlier):
+def _move_back(n, m, moves, keep, later, earlier):
     """Writes F' A for the matrix F of an interval and A (n + 8, m), `later`."""
-    for r in range(n + 5):
+    for r in range(n + OWN_STATES):
+        kept = keep[r - n] if r >= n else 0.0
         for j in range(m):
-            summed[r, j] = 0.0
-    for i in range(n):
-        for r in range(n + 5):
+            earlier[r, j] = kept * later[r, j]
+        for i in range(n):
             part = moves[i, r]
             if part != 0.0:
                 for j in range(m):
-                    summed[r, j] += part * later[i, j]
-    for i in range(n):
-        for j in range(m):
-            earlier[i, j] = summed[i, j]
-    for p in range(PROCESSES):
-        keep = np.exp(-rates[p] * step)
-        for j in range(m):
-            earlier[n + p, j] = keep * later[n + p, j] + summed[n + p, j]
-            earlier[n + 4 + p, j] = later[n + 4 + p, j]
-    for j in range(m):
-        for p in range(2):
-            earlier[n + 4 + p, j] += summed[n + p, j]
-        earlier[n + 6, j] += summed[n + 4, j]
+                    earlier[r, j] += part * later[i, j]
 
 
 @inlined_code
@@ -300,11 +231,9 @@ def _trace_back(
     by_time,
     adjoint,
     times,
-    by_x,
-    by_air,
-    by_trim,
+    moves,
     inputs,
-    pose_by_x,
+    shows,
     outputs,
     seen,
     variance,
@@ -320,10 +249,8 @@ def _trace_back(
     """Writes what `smooth_flight` does."""
     total = n + OWN_STATES
     size = total + 1  # The last column is λ.
-    moves = np.zeros((n, n + 5))
-    summed = np.empty((n + 5, size))
     row = np.empty(total)
-    gusts = np.empty((n + 5, 2))
+    keep = np.ones(OWN_STATES)
     now = np.zeros((total, size))
     later = np.empty((total, size))
     half = np.empty(size)
@@ -333,44 +260,36 @@ def _trace_back(
     for k in range(times.shape[0] - 1, -1, -1):
         if k < times.shape[0] - 1:
             step = times[k + 1] - times[k]
-            _set_moves(n, k, step, by_x, by_air, by_trim, moves)
             later[:] = now
-            _sum_up(n, 2, airs[k].T, gusts)
             for p in range(PROCESSES):
-                keep = np.exp(-rates[p] * step)
+                keep[p] = np.exp(-rates[p] * step)
                 own = 0.5 * (later[n + p, n + p] - later[n + p, total] ** 2)
-                by_power[p] += own * (1.0 - keep * keep)
-                if p < 2:
-                    mean = 0.0  # Of the adjoint and the gust's filtered covariances.
-                    for i in range(n):
-                        moved = 0.0
-                        for r in range(n + 5):
-                            moved += moves[i, r] * gusts[r, p]
-                        side = later[n + p, i]
-                        side -= later[n + p, total] * later[i, total]
-                        mean += side * moved
-                    for j in range(OWN_STATES):
-                        moved = airs[k, p, n + j]
-                        if j < PROCESSES:
-                            moved *= np.exp(-rates[j] * step)
-                        side = later[n + p, n + j]
-                        side -= later[n + p, total] * later[n + j, total]
-                        mean += side * moved
-                    mean -= later[n + p, total] * airs[k, p, total]
-                    mean -= 2.0 * own * powers[p] * keep
-                    by_time[p] += mean * keep * step * rates[p]
-            _move_back(n, size, step, rates, moves, later, summed, now)
+                by_power[p] += own * (1.0 - keep[p] * keep[p])
+            for p in range(2):
+                mean = 0.0  # Of the adjoint and the gust's filtered covariances.
+                for i in range(total):
+                    moved = keep[i - n] * airs[k, p, i] if i >= n else 0.0
+                    if i < n:
+                        for r in range(total):
+                            moved += moves[k, i, r] * airs[k, p, r]
+                    side = later[n + p, i] - later[n + p, total] * later[i, total]
+                    mean += side * moved
+                mean -= later[n + p, total] * airs[k, p, total]
+                own = later[n + p, n + p] - later[n + p, total] ** 2
+                mean -= own * powers[p] * keep[p]
+                by_time[p] += mean * keep[p] * step * rates[p]
+            _move_back(n, size, moves[k], keep, later, now)
             for i in range(total):
                 for j in range(total):
                     later[i, j] = now[j, i]
-            _move_back(n, total, step, rates, moves, later, summed, now)
+            _move_back(n, total, moves[k], keep, later, now)
         for p in range(2):
             for j in range(total):
                 airs[k, p, total] += airs[k, p, j] * now[j, total]
         for c in range(seen.shape[1] - 1, -1, -1):
             if not seen[k, c]:
                 continue
-            _measuring(n, k, c, pose_by_x, row)
+            row[:] = shows[k % shows.shape[0], c]
             inverse = 1.0 / variances[k, c]
             change = innovations[k, c, 0] * np.sqrt(variances[k, c])
             spread = inverse
@@ -428,11 +347,9 @@ def no_flight() -> FilterArrays:
     a, b, c = (np.zeros((0,) * count) for count in (1, 2, 3))
     return FilterArrays(
         times=a,
-        by_x=c,
-        by_air=c,
-        by_trim=b,
+        moves=c,
         inputs=c,
-        pose_by_x=c,
+        shows=c,
         outputs=c,
         seen=np.zeros((0, 0), dtype=bool),
         variance=a,

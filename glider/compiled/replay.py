@@ -227,7 +227,7 @@ def log_slopes(
     floats are half the cost of a complex step.
 
     Args:
-        path: the LogPath.
+        path: the LogPath, whose pitch is flown.
         nodes: (K + 1, n) states at the times.
         numbers: parameters and coefficients.
         moved: (m, len(numbers)) the same, moved along each of m directions.
@@ -255,7 +255,6 @@ def log_slopes(
     power = np.empty((width, width))
     carried = np.empty((width, width))
     rates = np.empty((width, width))
-    is_turned = path.pitch.shape[1] > 0
     about = linear if gaussians.num_flown > 0 else gaussians
     basis = np.empty(gaussians.num_flown)
     for k in range(path.rate.shape[0]):
@@ -295,9 +294,6 @@ def log_slopes(
             for i in range(width):
                 slopes[i, j] = (d[i] - usual[i]) / size
         slopes[3] = 0.0
-        if is_turned:
-            slopes[2], slopes[6] = 0.0, 0.0
-            slopes[:, 2], slopes[:, 6] = 0.0, 0.0
         for i in range(width):
             for j in range(width):
                 rates[i, j] = slopes[i, j]
@@ -313,8 +309,6 @@ def log_slopes(
                     by_term[k, i, j - width] = total
                 else:
                     by_theta[k, i, j - width - terms.shape[0]] = total
-        if is_turned:
-            by_x[k, 2, 2], by_x[k, 6, 6] = 0.0, 0.0
 
 
 def log_measure(nodes, numbers, gaussians, pose, by_x):

@@ -74,7 +74,7 @@ def end_scatter(task: Task, explanation: Explanation) -> _EndScatter:
     def scatter(record: Record) -> tuple[float, np.ndarray]:
         flight = linear_flight(model, directions, record)
         start = start_variances(flight, scales)
-        start[: flight.by_x.shape[1]] = 0.0
+        start[: len(flight.states)] = 0.0
         variance = 0.0
         rows = []
         for channel in range(2):

@@ -219,9 +219,8 @@ def compose(effects: tuple[EffectKind, ...] = ()) -> types.SimpleNamespace:
     return types.SimpleNamespace(**{k: v for k, v in names.items() if callable(v)})
 
 
-def initial_extra(effects, flow, rate, c):
+def initial_extra(space, flow, rate, c):
     """Returns the effects' own states at rest in a flow, in the state's order."""
-    space = space_of(effects)
     extra: list = []
     for name in space.states:
         effect = space.kinds[name]

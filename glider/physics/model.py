@@ -247,7 +247,7 @@ class GliderModel:
         # The flow of the plates depends on no effect's states.
         full = np.concatenate([x, np.zeros((n - NUM_STATES, *x.shape[1:]))])
         flow, _ = self.chain.meet_air(0.0, full, 0.0, 0.0, 0.0, theta)
-        for k, value in enumerate(initial_extra(self.kinds, flow, 0.0, theta.c)):
+        for k, value in enumerate(initial_extra(self.space, flow, 0.0, theta.c)):
             full[NUM_STATES + k] = value
         return full
 

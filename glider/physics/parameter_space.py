@@ -163,9 +163,10 @@ class ParameterSpace:
     def replay(self, vector: np.ndarray) -> Replay:
         """Returns how a log's signals are replayed."""
         found = Replay()
+        values = vector.tolist()
         for kind in self.replayed:
-            own = vector[[*self.slots_of(kind.kind)]]
-            found = kind.replayed(found, tuple(own.tolist()))
+            own = tuple(values[slot] for slot in self.slots_of(kind.kind))
+            found = kind.replayed(found, own)
         return found
 
     def acting_states(self, vector: np.ndarray) -> list[int]:
@@ -174,9 +175,10 @@ class ParameterSpace:
         Those of an effect do where any of its coefficients is not at its default.
         """
         found = [*range(NUM_STATES)]
+        values = vector.tolist()
         for kind, states in self.states.items():
             slots = self.slots_of(kind)
-            if any(vector[i] != self.entries[i].default for i in slots):
+            if any(values[i] != self.entries[i].default for i in slots):
                 found += states
         return found
 

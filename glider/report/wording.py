@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sized
 
 import jinja2
 
+from glider.paths import cache_folder
 from glider.physics.effects import KINDS
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.report import numbers
@@ -92,8 +93,9 @@ TEMPLATES = jinja2.Environment(
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
+    bytecode_cache=jinja2.FileSystemBytecodeCache(str(cache_folder())),
 )
-"""Templates of pages and of sentences."""
+"""Templates of pages and of sentences; their code is kept, as it takes long to make."""
 
 TEMPLATES.globals |= {
     "DIVERGED": numbers.DIVERGED,

@@ -8,6 +8,7 @@ from glider.physics.effects import NO_GAUSSIANS
 from glider.physics.effects.effect import Effect, EffectKind
 from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.model import GliderModel
+from glider.physics.parameter_space import space_of
 from glider.physics.parameters import Parameters, Theta
 from glider.physics.state import STATE_NAMES
 
@@ -92,7 +93,7 @@ def full_state(effects, x):
     flow, _ = chain.meet_air(
         0.0, blank, 0.0, 0.0, 0.0, Theta(PARAMETERS, c, NO_GAUSSIANS)
     )
-    rest = np.array(initial_extra(kinds, flow, 0.0, c))
+    rest = np.array(initial_extra(space_of(kinds), flow, 0.0, c))
     return np.concatenate([x, rest + 0.05]), c
 
 

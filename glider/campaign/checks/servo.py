@@ -235,10 +235,10 @@ def calc_correlation(
     Where an elevator slows down before a stop of the servo, it follows no command. Both
     are nan where too few changes are known to judge: no comparison with them holds.
     """
-    parts = [_compare(elevator, delays, servo) for elevator in elevators]
-    if not parts:
+    if not elevators:
         return math.nan, math.nan
-    turned, together, ordered, count = np.concatenate(parts, axis=-1).sum(axis=-1)
+    sums = [np.sum(_compare(own, delays, servo), axis=-1) for own in elevators]
+    turned, together, ordered, count = np.sum(sums, axis=0)
     correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
     size = np.abs(correlation)
     best = int(np.argmax(np.where(count < _MIN_CHANGES, -np.inf, size)))

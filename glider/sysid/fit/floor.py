@@ -12,7 +12,13 @@ import numpy as np
 from scipy.special import ndtr
 
 from glider.campaign.smoothing import smoothing_maps
-from glider.compiled.filter_error import ELEVATOR, PITCH, PITCH_RATE, PROCESSES
+from glider.compiled.filter_error import (
+    ELEVATOR,
+    OWN_STATES,
+    PITCH,
+    PITCH_RATE,
+    PROCESSES,
+)
 from glider.compiled.parallel import in_parallel
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import LARGEST_ERROR
@@ -116,55 +122,35 @@ def find_floor(
     return Floor(rows=rows, squares=np.array(squares))
 
 
-@dataclasses.dataclass(frozen=True)
-class _Deviations:
-    """How a flight may be off its model: from node to node, and as measured.
-
-    Deviations are those of the states, the processes and the flight's constants, in the
-    order of the filter: N = n + 8.
-    """
-
-    moves: np.ndarray  #: (K, N, N)
-    shows: np.ndarray  #: (K + 1, C, N)
-
-    def flown(self, first: np.ndarray, shocks: np.ndarray | None = None) -> np.ndarray:
-        """Returns what is measured (K + 1, C, R) of those at the first node (N, R).
-
-        Shocks (K, N, R) are added at each later one.
-        """
-        states = [first]
-        for k, move in enumerate(self.moves):
-            following = move @ states[-1]
-            if shocks is not None:
-                following += shocks[k]
-            states.append(following)
-
-        return self.shows @ np.array(states)
-
-
-def _deviations_of(flight: LinearFlight, scales: Scales) -> _Deviations:
+def _moves_of(flight: LinearFlight, scales: Scales) -> np.ndarray:
+    """Returns how a flight's deviations, N = n + 8, move in each interval (K, N, N)."""
     n = len(flight.states)
-    total = len(flight.start)
     steps = np.diff(flight.record.time)[:, None]
-    air, wind = [n, n + 1], [n + 4, n + 5]
-    servo, trim = n + 3, n + 6
     processes = range(n, n + PROCESSES)
-
-    moves = np.tile(np.eye(total), (len(steps), 1, 1))
-    moves[:, :n, :n] = flight.by_x
-    moves[:, :n, air] = flight.by_air
-    moves[:, :n, wind] = flight.by_air
-    moves[:, :n, servo] = flight.by_x[:, :, ELEVATOR]
-    moves[:, ELEVATOR, servo] = 0.0
-    moves[:, :n, trim] = flight.by_trim
+    moves = np.tile(np.eye(n + OWN_STATES), (len(steps), 1, 1))
+    moves[:, :n] = flight.moves
     moves[:, processes, processes] = np.exp(-steps / np.array(scales.times))
+    return moves
 
-    shows = np.zeros((*flight.record.seen.shape, total))
-    shows[:, :3, :n] = flight.pose_by_x
-    shows[:, PITCH, -1] = 1.0
-    shows[:, ELEVATOR, ELEVATOR] = 1.0
-    shows[:, ELEVATOR, servo] = 1.0
-    return _Deviations(moves, shows)
+
+def _flown(
+    moves: np.ndarray,
+    shows: np.ndarray,
+    first: np.ndarray,
+    shocks: np.ndarray | None = None,
+) -> np.ndarray:
+    """Returns what is measured (K + 1, C, R) of deviations at the first node (N, R).
+
+    Shocks (K, N, R) are added at each later one. `shows` is that of a LinearFlight.
+    """
+    states = [first]
+    for k, move in enumerate(moves):
+        following = move @ states[-1]
+        if shocks is not None:
+            following += shocks[k]
+        states.append(following)
+
+    return shows @ np.array(states)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
@@ -177,8 +163,8 @@ def _squares(
 ) -> np.ndarray:
     """Mean squares of a flight's replicas (4, R), as in `Floor`; inf if it diverges."""
     flight = linearize(record, model.theta, model.gaussians)
-    deviations = _deviations_of(flight, truth)
-    nodes, channels, total = deviations.shows.shape
+    moves, shows = _moves_of(flight, truth), flight.shows
+    nodes, (channels, total) = len(record.time), shows.shape[1:]
     n = len(flight.states)
     seen = record.seen
     beginning = of_launch(record, beginning_rows(record.time, model.per_flight_trims))
@@ -190,15 +176,15 @@ def _squares(
     stds[[i for i in range(NUM_STATES) if i != ELEVATOR]] = 0.0
     stds[n + 2] = 0.0
     drawn = rng.normal(size=(nodes, total, _REPLICAS)) * stds[:, None]
-    kept = np.diagonal(deviations.moves, axis1=1, axis2=2)[:, n:, None]
+    kept = np.diagonal(moves, axis1=1, axis2=2)[:, n:, None]
     shocks = np.zeros_like(drawn[1:])
     shocks[:, n:] = np.sqrt(1.0 - kept**2) * drawn[1:, n:]
-    measured = deviations.flown(drawn[0], shocks)
+    measured = _flown(moves, shows, drawn[0], shocks)
     noise = np.array(truth.sensors[:channels])[:, None]
     measured += rng.normal(size=measured.shape) * noise
 
     # Rollouts have next to no process noise: their filter is a regression.
-    shown = deviations.flown(np.eye(total))
+    shown = _flown(moves, shows, np.eye(total))
     if not np.max(np.abs(shown)) < _GROWTH:
         return diverging
     sensors = np.array(model.scales.sensors[:channels])
@@ -221,8 +207,8 @@ def _squares(
     imposed[:, _TURNED, :_REPLICAS] = turned
     imposed[:, PITCH, :_REPLICAS] -= known[-1]
     start[_TURNED] = imposed[0, _TURNED]
-    deviations.moves[:, _TURNED] = 0.0
-    guided = deviations.flown(start, imposed[1:])[:, :2]
+    moves[:, _TURNED] = 0.0
+    guided = _flown(moves, shows, start, imposed[1:])[:, :2]
     if not np.max(np.abs(guided)) < _GROWTH:
         return diverging
     left = measured[:, :2] - guided[..., :_REPLICAS]

@@ -109,8 +109,11 @@ class LinearFlights:
         flights = error_flights(task, model)
         model = in_surroundings(task, model, flights)
         # The likelihood is a square of changes and what depends on the scales alone.
-        whitened = in_parallel(lambda f: whiten(f, model.scales), flights)
-        self.constant = np.array([0.5 * own.log_variances.sum() for own in whitened])
+        volumes = in_parallel(
+            lambda f: whiten(f, model.scales).log_variances.sum(), flights
+        )
+        self.constant = 0.5 * np.array(volumes)
+        del flights  # Before there are others.
         self.candidates, self.grams = gather_in_parts(task, model, model.scales)
         self.given, self.prior = self.candidates.nothing()
 

@@ -5,12 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.compiled.parallel import in_parallel
 from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
-from glider.sysid.likelihood.filtering import whiten
-from glider.sysid.likelihood.fitted_functions import FittedFunction, terms_of
+from glider.sysid.likelihood.fitted_functions import FittedFunction
 from glider.sysid.likelihood.information import (
     Evidence,
     counted_from,
@@ -65,27 +63,16 @@ class Candidates:
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
-        return self._grams(self.flights, scales)
+        return model_fit.grams_of(self.flights, scales)
 
     def total(self, scales: Scales) -> np.ndarray:
         """Returns the sum of `grams`, a few flights' at a time in memory."""
         total = np.zeros(())
         for k in range(0, len(self.flights), _AT_ONCE):
-            few = self._grams(self.flights[k : k + _AT_ONCE], scales)
+            few = model_fit.grams_of(self.flights[k : k + _AT_ONCE], scales)
             total = total + few.sum(axis=0)
 
         return total
-
-    def _grams(self, flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
-        theta = self.model.theta
-        gaussians = self.model.gaussians
-        functions = self.functions
-
-        def one(flight: LinearFlight) -> np.ndarray:  # It holds one flight's only.
-            whole = model_fit.with_functions(flight, theta, gaussians, functions)
-            return whiten(whole, scales).gram
-
-        return np.stack(in_parallel(one, flights))
 
     def nothing(self) -> tuple[np.ndarray, model_fit.Prior]:
         """Returns the model without effects, and the prior about it.
@@ -209,7 +196,7 @@ def gather(task: Task, model: FitResult) -> Candidates:
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
 
-    flights = model_fit.linear_flights(task, model, directions, terms_of(functions))
+    flights = model_fit.linear_flights(task, model, directions, functions)
     wild = tame(task, directions, flights)
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
@@ -325,10 +312,14 @@ def saturated(candidates: Candidates, rounds: int) -> FitResult:
     model = candidates.model
     prior = model_fit.prior_of(candidates.task, model, candidates.slots)
     scales = model.scales
+    acting = [
+        dataclasses.replace(flight, added=flight.added[: len(model.functions)])
+        for flight in candidates.flights
+    ]
     for _ in range(rounds):
-        gram = model_fit.grams_of(candidates.flights, scales).sum(axis=0)
+        gram = model_fit.grams_of(acting, scales).sum(axis=0)
         change = solve(prior.added_to(gram))
-        flights = [f.combined(change) for f in candidates.flights]
+        flights = [f.combined(change) for f in acting]
         scales = fit_scales(flights, scales, iterations=3).scales
 
     model = dataclasses.replace(model, scales=scales)

@@ -93,16 +93,15 @@ def _filter(
     smoothed: int = 0,
 ) -> FilterArrays:
     """Filters a flight, of which so many nodes are to be smoothed."""
+    flight = flight.whole
     record = flight.record
-    n = flight.by_x.shape[1]
+    n = len(flight.states)
     usual = start_variances(flight, scales)
     arrays = FilterArrays(
         times=record.time,
-        by_x=flight.by_x,
-        by_air=flight.by_air,
-        by_trim=flight.by_trim,
+        moves=flight.moves,
         inputs=flight.inputs,
-        pose_by_x=flight.pose_by_x,
+        shows=flight.shows,
         outputs=flight.outputs,
         seen=record.seen,
         variance=np.square(scales.sensors),
@@ -196,7 +195,7 @@ def negative_log_likelihood(
 
 def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
     """Returns the cost of a flight of one column [nats], and its slopes by `logs`."""
-    n = flight.by_x.shape[1]
+    n = len(flight.states)
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         arrays, *slopes, _ = _traced_back(flight, scales)
         by_sensor, by_start, by_power, by_time = slopes

@@ -122,11 +122,6 @@ class FittedFunction:
         return self.gaussians(values[:, self.columns])
 
 
-def terms_of(functions: Iterable[FittedFunction]) -> set[str]:
-    """Returns the names in FREE_FUNCTIONS of some functions."""
-    return {function.effect.kind for function in functions}
-
-
 def functions_of(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...]:
     """Returns the free functions of a model, each with a factor to fit."""
     found = []

@@ -6,7 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider.compiled.filter_error import OWN_STATES, PROCESSES
+from glider.compiled.filter_error import (
+    ELEVATOR,
+    OWN_STATES,
+    PITCH,
+    PITCH_RATE,
+    PROCESSES,
+)
 from glider.compiled.replay import (
     OFFSET,
     LogPath,
@@ -21,9 +27,20 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.likelihood.directions import Direction, Shapes
 from glider.sysid.replay.log_space import sensed
 from glider.sysid.replay.record import Record
-from glider.sysid.replay.replayed import signals, states_at_rest, trimmed, true_nodes
+from glider.sysid.replay.replayed import (
+    offset_persists,
+    reads_truly,
+    signals,
+    states_at_rest,
+    trimmed,
+    true_nodes,
+)
 
-FORCES = "c_lift", "c_drag"  # Terms that errors of the forces are of.
+FORCES = "c_lift", "c_drag"
+"""Terms of errors of C_L and C_D, in place of moving air.
+
+The error of a formula is a force in any direction; moving air barely turns the force on
+a plate, which would make drag too certain."""
 
 
 class Surroundings(NamedTuple):
@@ -53,55 +70,47 @@ class LinearFlight:
     about: Surroundings
     nodes: np.ndarray
     states: list[int]  #: Of the nodes that the other arrays have.
-    by_x: np.ndarray
-    by_air: np.ndarray
-    by_trim: np.ndarray
+    moves: np.ndarray
     by_term: np.ndarray  #: By a constant of each of `terms`.
-    terms: tuple[str, ...]  #: Of FREE_FUNCTIONS, the air's first.
+    terms: tuple[str, ...]  #: Of FREE_FUNCTIONS, those of the air first.
     inputs: np.ndarray
-    pose_by_x: np.ndarray
+    shows: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
+    #: More columns, which `whole` has before the last: each block is of an effect of
+    #: FREE_FUNCTIONS, with its values (K, q) at the midpoints of intervals; or
+    #: (K + 1, q) at the nodes, if sensors show it.
+    added: Sequence[tuple[EffectKind, np.ndarray]] = ()
 
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
+        whole = self.whole
         mix = np.append(-weights, 1.0)
         return dataclasses.replace(
-            self,
+            whole,
             by_term=np.empty((*self.inputs.shape[:2], 0)),
-            inputs=(self.inputs @ mix)[..., None],
-            outputs=(self.outputs @ mix)[..., None],
-            start=(self.start @ mix)[..., None],
+            inputs=(whole.inputs @ mix)[..., None],
+            outputs=(whole.outputs @ mix)[..., None],
+            start=(whole.start @ mix)[..., None],
         )
 
     def error_only(self) -> "LinearFlight":
         """Returns the flight with one column: its error as it is."""
-        return self.combined(np.zeros(self.inputs.shape[2] - 1))
+        alone = dataclasses.replace(self, added=())
+        return alone.combined(np.zeros(self.inputs.shape[2] - 1))
 
-    def with_force_errors(self) -> "LinearFlight":
-        """Returns the flight with errors of C_L and C_D in place of moving air.
-
-        The error of a formula is a force in any direction; moving air barely turns the
-        force on a plate, which would make drag too certain.
-        """
-        forces = self.by_term.take([*map(self.terms.index, FORCES)], 2)
-        return dataclasses.replace(self, by_air=forces)
-
-    def with_columns(
-        self, added: Sequence[tuple[EffectKind, np.ndarray]]
-    ) -> "LinearFlight":
-        """Returns the flight with more columns, before the last.
-
-        Each block is of an effect of FREE_FUNCTIONS, with its values (K, q) at the
-        midpoints of intervals; or (K + 1, q) at the nodes, if sensors show it.
-        """
+    @property
+    def whole(self) -> "LinearFlight":
+        """The flight with all columns, which take ten times the memory."""
+        if not self.added:
+            return self
         first = self.inputs.shape[2] - 1
-        places = [first] * sum(values.shape[1] for _, values in added)
+        places = [first] * sum(values.shape[1] for _, values in self.added)
         inputs = np.insert(self.inputs, places, 0.0, -1)
         outputs = np.insert(self.outputs, places, 0.0, -1)
         start = np.insert(self.start, places, 0.0, -1)
-        for effect, values in added:
+        for effect, values in self.added:
             last = first + values.shape[1]
             if effect.stage == "sensor":
                 channel = SENSOR_TERMS.index(effect.kind)
@@ -112,14 +121,16 @@ class LinearFlight:
 
             first = last
 
-        return dataclasses.replace(self, inputs=inputs, outputs=outputs, start=start)
+        return dataclasses.replace(
+            self, inputs=inputs, outputs=outputs, start=start, added=()
+        )
 
 
 def path_of(
     record: Record, theta: np.ndarray, about: Surroundings
 ) -> tuple[LogPath, np.ndarray]:
     """Returns a flight's path and dynamics under a model, in its surroundings."""
-    elevator, rate, *_ = signals(record, theta)
+    elevator, rate, _ = signals(record, theta)
     flown, shift = trimmed(record, theta, about.constants[2])
     wind = about.wind(record)
     path = log_path(record.time, elevator + shift, rate, wind, record.bank)
@@ -134,12 +145,16 @@ def linearize(
     directions: Sequence[Direction] = (),
     about: Surroundings = STILL_AIR,
     terms: Iterable[str] = (),
+    air: Sequence[str] = AIR_TERMS,
 ) -> LinearFlight:
     """Makes a flight linear about its smoothed measurement and its surroundings.
 
-    Free functions may be added to it later only at `terms` of FREE_FUNCTIONS.
+    Free functions may be added to it later only at `terms` of FREE_FUNCTIONS. Gusts and
+    winds move it as constants of two terms do: of moving air, or of FORCES.
     """
     space = record.space
+    # All nodes show as the first does then: a flight's own zero of the pitch is added.
+    is_read_truly = reads_truly(space, theta, gaussians)
     theta = theta.copy()
     constants = about.constants
     theta[list(space.slots_of(PITCH_OFFSET.kind))] += constants[3]  # It reads too much.
@@ -148,7 +163,7 @@ def linearize(
     nodes = true_nodes(record, theta, gaussians, with_states)
     states = space.acting_states(theta)
     columns = len(directions) + 1
-    terms = dict.fromkeys(t for t in (*AIR_TERMS, *terms) if t not in SENSOR_TERMS)
+    terms = dict.fromkeys(t for t in (*air, *terms) if t not in SENSOR_TERMS)
     if record.trim_is_moment:
         terms["c_moment"] = None
     shown = tuple(terms)
@@ -183,7 +198,7 @@ def linearize(
     inputs = np.zeros((len(ends), width, columns))
     by_air = by_term[:, :, :2]
     missed = (ends - nodes[1:])[:, :width]
-    at_stop = ~signals(record, theta).offset_persists[1:]
+    at_stop = ~offset_persists(record, theta)[1:]
     by_x[at_stop, OFFSET], missed[at_stop, OFFSET] = 0.0, 0.0
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
@@ -193,27 +208,37 @@ def linearize(
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
 
-    by_x = by_x.take(states, 1).take(states, 2)
+    n = len(states)
+    step = np.diff(record.time)
     by_term = by_term.take(states, 1)
-    by_trim = by_x[:, :, OFFSET].copy()
-    by_trim[:, OFFSET] = 0.0
+    moves = np.zeros((len(ends), n, n + OWN_STATES))
+    moves[:, :, :n] = by_x.take(states, 1).take(states, 2)
+    moves[:, :, n : n + 2] = moves[:, :, n + 4 : n + 6] = by_term[:, :, :2]
+    moves[:, PITCH, n + 2] = 0.5 * step**2
+    moves[:, PITCH_RATE, n + 2] = step
+    moves[:, :, n + 3] = moves[:, :, n + 6] = moves[:, :, OFFSET]
+    moves[:, OFFSET, [n + 3, n + 6]] = 0.0
+    measured = nodes[:1] if is_read_truly else nodes
+    pose_by_x = measure_nodes(kinds, measured, dynamics, gaussians)[1]
+    shows = np.zeros((len(measured), record.seen.shape[1], n + OWN_STATES))
+    shows[:, :3, :n] = pose_by_x.take(states, 2)
+    shows[:, PITCH, -1] = 1.0
+    shows[:, ELEVATOR, [ELEVATOR, n + 3]] = 1.0
     if record.trim_is_moment:
         [slot] = space.slots_of(PITCH_MOMENT.kind)
         per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
-        by_trim = per_radian * by_term[:, :, shown.index("c_moment")]
+        moves[:, :, n + 6] = per_radian * by_term[:, :, shown.index("c_moment")]
 
     return LinearFlight(
         record=record,
         about=about,
         nodes=nodes,
         states=states,
-        by_x=by_x,
-        by_air=by_term[:, :, :2].copy(),
-        by_trim=by_trim,
+        moves=moves,
         by_term=by_term,
         terms=shown,
         inputs=inputs.take(states, 1),
-        pose_by_x=measure_nodes(kinds, nodes, dynamics, gaussians)[1].take(states, 2),
+        shows=shows,
         outputs=_outputs(record, theta, gaussians, directions, nodes),
         start=start,
     )
@@ -274,22 +299,16 @@ def _outputs(
 ) -> np.ndarray:
     """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
     space = record.space
-    pose = sensed(space, nodes, theta, gaussians)
-    logged = _logged(record, nodes, theta)
-    shown = np.hstack([pose, logged])
+
+    def shown_by(theta: np.ndarray) -> np.ndarray:
+        logged = signals(record, theta).logged + nodes[:, OFFSET]
+        return np.column_stack([sensed(space, nodes, theta, gaussians), logged])
+
+    shown = shown_by(theta)
     outputs = np.zeros((*shown.shape, len(directions) + 1))
     for j, d in enumerate(directions):
-        if d.slot in space.sensor_slots:
-            moved = sensed(space, nodes, d.moved(theta), gaussians)
-            outputs[:, :3, j] = (moved - pose) / d.size
-        elif d.slot >= space.num_flown:
-            moved = _logged(record, nodes, d.moved(theta))
-            outputs[:, 3:, j] = (moved - logged) / d.size
+        if d.slot in space.sensor_slots or d.slot >= space.num_flown:
+            outputs[:, :, j] = (shown_by(d.moved(theta)) - shown) / d.size
 
     outputs[:, :, -1] = np.column_stack([record.pose, record.elevator]) - shown
     return outputs
-
-
-def _logged(record: Record, nodes: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """What a log shows of the elevator at states, (K + 1, 1)."""
-    return (signals(record, theta).logged + nodes[:, OFFSET])[:, None]

@@ -6,12 +6,12 @@ each linearisation, and Fisher scoring for the scales in between.
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
-from glider.physics.effects import Gaussians
+from glider.physics.effects.free_functions import AIR_TERMS
 from glider.sysid.constants import PRIOR_SCALES, RESOLVED
 from glider.sysid.likelihood.directions import Direction, slopes
 from glider.sysid.likelihood.filtering import (
@@ -20,11 +20,7 @@ from glider.sysid.likelihood.filtering import (
     surroundings_of,
     whiten,
 )
-from glider.sysid.likelihood.fitted_functions import (
-    FittedFunction,
-    terms_of,
-    values_at_nodes,
-)
+from glider.sysid.likelihood.fitted_functions import FittedFunction, values_at_nodes
 from glider.sysid.likelihood.information import bounded_step, solve_scaled
 from glider.sysid.likelihood.linear_flight import (
     FORCES,
@@ -51,16 +47,16 @@ def linear_flights(
     task: Task,
     model: FitResult,
     directions: Sequence[Direction] | None = None,
-    terms: Iterable[str] = (),
+    others: Sequence[FittedFunction] = (),
 ) -> list[LinearFlight]:
     """Returns all flights, linear about a model; the functions' columns come last.
 
     By default the columns before them are those of the model's free parameters. Those
-    of other functions, of such terms, may be added later.
+    of other functions follow the model's own.
     """
     if directions is None:
         directions = slopes(task.space, model.free)
-    linear = functools.partial(linear_flight, model, directions, terms=terms)
+    linear = functools.partial(linear_flight, model, directions, others=others)
     return in_parallel(linear, task.records)
 
 
@@ -68,33 +64,22 @@ def linear_flight(
     model: FitResult,
     directions: Sequence[Direction],
     record: Record,
-    terms: Iterable[str] = (),
+    others: Sequence[FittedFunction] = (),
 ) -> LinearFlight:
     """Returns one flight, linear about a model; see `linear_flights`."""
     gaussians = model.gaussians
-    functions = model.functions
-    terms = {*terms, *terms_of(functions), *(FORCES if model.has_force_errors else ())}
-    own = model.about.get(record.name, STILL_AIR)
-    flight = linearize(record, model.theta, gaussians, directions, own, sorted(terms))
-    if model.has_force_errors:
-        flight = flight.with_force_errors()
-    return with_functions(flight, model.theta, gaussians, functions)
-
-
-def with_functions(
-    flight: LinearFlight,
-    theta: np.ndarray,
-    gaussians: Gaussians,
-    functions: Sequence[FittedFunction],
-) -> LinearFlight:
-    """Returns a flight of a model with the columns of functions, before the last."""
+    functions = (*model.functions, *others)
+    terms = sorted({own.effect.kind for own in functions})
+    air = FORCES if model.has_force_errors else AIR_TERMS
+    about = model.about.get(record.name, STILL_AIR)
+    flight = linearize(record, model.theta, gaussians, directions, about, terms, air)
     if not functions:
         return flight
-    values = values_at_nodes(flight, theta, gaussians)
+    values = values_at_nodes(flight, model.theta, gaussians)
     bases = {function.basis: function for function in functions}
     along = {basis: function.along(values) for basis, function in bases.items()}
     added = [(own.effect, along[own.basis] @ own.mix) for own in functions]
-    return flight.with_columns(added)
+    return dataclasses.replace(flight, added=added)
 
 
 def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:

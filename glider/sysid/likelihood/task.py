@@ -125,7 +125,7 @@ class FitResult:
     #: Name of each flight to what it is linear about.
     about: dict[str, Surroundings] = dataclasses.field(default_factory=dict)
     #: Whether errors of the forces stand in for moving air, see
-    #: `LinearFlight.with_force_errors`; `scales.air` is then of coefficients.
+    #: `linear_flight.FORCES`; `scales.air` is then of coefficients.
     has_force_errors: bool = False
     cost: float = np.inf  #: Negative log posterior [nats].
     #: Penalty for the volume of the prior that effects do not fill [nats].

@@ -97,4 +97,4 @@ def resting_states(
     numbers = plate.theta_of(theta.tolist(), NO_GAUSSIANS)
     motion = plate.motion_of(time, state.tolist(), rate)
     flow = plate.flow_of(motion, 0.0, 0.0, numbers.p)
-    return np.array(initial_extra(space.flown, flow, rate, numbers.c))
+    return np.array(initial_extra(space, flow, rate, numbers.c))

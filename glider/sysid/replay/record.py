@@ -77,6 +77,8 @@ class Record:
     trim_is_moment: bool  #: Whether a trim makes no force, see `replayed.trimmed`.
     usual_rest: float = 0.0  #: Where elevators of flights like it stand then [rad].
     is_cut: bool = False  #: Whether its log was cut: unknown commands moved it.
+    replays: dict = dataclasses.field(init=False, repr=False, default_factory=dict)
+    """What `replayed` keeps of its elevator, by the numbers of a model."""
 
     def first(self, count: int) -> "Record":
         """Returns the beginning of the flight, its first nodes."""

@@ -6,9 +6,8 @@ without a chord) and come with the variables that they may depend on: the articl
 data set.
 """
 
-import functools
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from glider.compiled.actuators import replayed_path
 from glider.compiled.replay import OFFSET
 from glider.physics.effects import FLOW_VARIABLES, NO_GAUSSIANS, PITCH_MOMENT, Gaussians
 from glider.physics.effects.free_functions import COEFFICIENTS
+from glider.physics.parameter_space import ParameterSpace
 from glider.physics.state import NUM_STATES
 from glider.sysid.replay.log_space import resting_states, sensed
 from glider.sysid.replay.record import Record
@@ -24,7 +24,7 @@ from glider.sysid.result import ResidualTable
 
 _EDGE = 3  # Rows at both ends of a flight where an acceleration is not known well.
 _PERTURBATION = 1e-6  # Of where an elevator began [rad].
-_REPLAYS = 4096  # Replays of elevators that are kept: eight of each of 500 flights.
+_REPLAYS = 8  # Replays of its elevator that are kept with a record.
 
 
 class _Signals(NamedTuple):
@@ -33,8 +33,6 @@ class _Signals(NamedTuple):
     elevator: np.ndarray  #: (n - 1, 3) at start, middle, end of intervals [rad].
     rate: np.ndarray  #: (n - 1,) mean of each interval [rad/s].
     logged: np.ndarray  #: (n,) at the times of the log's rows [rad].
-    #: (n,) whether it is off by as much as where it began; it is not after a stop.
-    offset_persists: np.ndarray
 
     @property
     def at_nodes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -48,39 +46,66 @@ def signals(record: Record, theta: np.ndarray) -> _Signals:
 
     With a pose latency the row of time t shows the flight at t - latency.
     """
-    return _replayed(record, theta[record.space.num_flown :].tobytes())
+    return _kept(_replayed, record, theta)
 
 
-@functools.lru_cache(_REPLAYS)
-def _replayed(record: Record, last: bytes) -> _Signals:
-    """The same by the last entries of theta, which replay a log's signals."""
-    n = len(record.time)
-    space = record.space
-    theta = np.zeros(len(space.entries))
-    theta[space.num_flown :] = np.frombuffer(last)
-    replay = space.replay(theta)
-    if not record.has_servo:
-        still = np.zeros((n - 1, 3)), np.zeros(n - 1), np.zeros(n)
-        return _Signals(*still, np.ones(n, bool))
+def offset_persists(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Whether a log's elevator is off by as much as where it began, (n,).
 
+    It is not after a stop, where it forgets that.
+    """
+    return _kept(_persisting, record, theta)
+
+
+def _kept(make: Callable, record: Record, theta: np.ndarray) -> Any:
+    """Makes what depends on the last entries of theta, which replay a log, once."""
+    kept = record.replays
+    key = make, theta[record.space.num_flown :].tobytes()
+    if key not in kept:
+        if len(kept) >= _REPLAYS:
+            kept.clear()
+        kept[key] = make(record, theta)
+    return kept[key]
+
+
+def _replayed(record: Record, theta: np.ndarray) -> _Signals:
     middle = 0.5 * (record.time[1:] + record.time[:-1])
+    times = np.concatenate([record.time, middle])
+    path = _path_from(record, theta, record.rest, times)
+    n = len(record.time)
+    elevator = np.empty((n - 1, 3))
+    elevator[:, 0] = path[: n - 1]
+    elevator[:, 1] = path[n : len(times)]
+    elevator[:, 2] = path[1:n]
+    rate = (path[1:n] - path[: n - 1]) / np.diff(record.time)
+    return _Signals(elevator, rate, path[len(times) :])
+
+
+def _persisting(record: Record, theta: np.ndarray) -> np.ndarray:
+    usual, other = (
+        _path_from(record, theta, record.rest + change, record.time)
+        for change in (0.0, _PERTURBATION)
+    )
+    is_off = other - usual > 0.5 * _PERTURBATION
+    return np.logical_and.accumulate(is_off[: len(record.time)])
+
+
+def _path_from(
+    record: Record, theta: np.ndarray, start: float, times: np.ndarray
+) -> np.ndarray:
+    """Returns an elevator's path from some start [rad]: flown, then logged.
+
+    That is at the times (m,), and as the log shows it at the rows (n,). One that is not
+    commanded stands where it began, at zero.
+    """
+    if not record.has_servo:
+        return np.full(len(times) + len(record.time), start - record.rest)
+    replay = record.space.replay(theta)
     latency = replay.latency + replay.drift * record.place
-    query = np.concatenate([record.time, middle]) - latency
-    query = np.concatenate([query, record.time])
-
-    def path_from(start: float) -> np.ndarray:
-        tape = record.switch_times, record.commands
-        return replayed_path(replay, *tape, query, record.servo, start=start)
-
-    path = path_from(record.rest)
-    off = path_from(record.rest + _PERTURBATION) - path
-    # At a stop it forgets where it began.
-    persists = np.logical_and.accumulate(off[:n] > 0.5 * _PERTURBATION)
-    path += np.interp(query, record.time, record.departure)
-    here, middle, logged = np.split(path, [n, 2 * n - 1])
-    elevator = np.stack([here[:-1], middle, here[1:]], axis=1)
-    rate = np.diff(here) / np.diff(record.time)
-    return _Signals(elevator, rate, logged, persists)
+    query = np.concatenate([times - latency, record.time])
+    tape = record.switch_times, record.commands
+    path = replayed_path(replay, *tape, query, record.servo, start=start)
+    return path + np.interp(query, record.time, record.departure)
 
 
 def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray, float]:
@@ -117,7 +142,8 @@ def true_nodes(
     zero unless they are asked for.
     """
     nodes = _without_sensors(record, theta, gaussians)
-    elevator, rate, logged, persists = signals(record, theta)
+    elevator, rate, logged = signals(record, theta)
+    persists = offset_persists(record, theta)
     shown = record.seen[:, 3] & persists
     if shown.any():  # Else the offset is unknown.
         nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
@@ -132,10 +158,16 @@ def true_nodes(
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Returns the effects' states at rest in a flight's first node (num_states,)."""
-    elevator, rate, *_ = signals(record, theta)
+    elevator, rate, _ = signals(record, theta)
     start = first.copy()
     start[OFFSET] += elevator[0, 0]
     return resting_states(record.space, record.time[0], start, rate[0], theta)
+
+
+def reads_truly(space: ParameterSpace, theta: np.ndarray, gaussians: Gaussians) -> bool:
+    """Whether a model's sensors show the pose as it is."""
+    is_read = gaussians.weights.shape[1] > gaussians.num_flown
+    return not is_read and not np.any(theta[list(space.sensor_slots)])
 
 
 def _without_sensors(
@@ -145,8 +177,7 @@ def _without_sensors(
     space = record.space
     n = len(record.time)
     step = 1e-4
-    is_read = gaussians.weights.shape[1] > gaussians.num_flown
-    if not is_read and not np.any(theta[list(space.sensor_slots)]):
+    if reads_truly(space, theta, gaussians):
         return record.nodes.copy()
     states = np.tile(record.nodes, (2, 1))
     states[n:, :3] += step * states[n:, 4:7]

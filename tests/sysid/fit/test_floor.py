@@ -152,11 +152,11 @@ def test_memory_that_begins_elsewhere_is_predicted_along_the_pitch_too():
     flights = []
     for flight, record in zip(campaign.flights, task.records, strict=True):
         linear = linearize(record, theta, NO_GAUSSIANS)
-        deviations = floors._deviations_of(linear, scales)
+        moves = floors._moves_of(linear, scales)
         first = np.zeros((len(linear.start), 1))
         # Small enough for the flight to stay linear.
         first[NUM_STATES] = 0.05 * rng.choice([-1.0, 1.0])
-        moved = deviations.flown(first)[:, :3, 0]
+        moved = floors._flown(moves, linear.shows, first)[:, :3, 0]
         flights.append(dataclasses.replace(flight, pose=flight.pose + moved))
     task, noise = task_of(dataclasses.replace(campaign, flights=tuple(flights)))
     model = begin(task, noise, [effect.kind.kind])

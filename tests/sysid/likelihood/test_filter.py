@@ -53,7 +53,7 @@ class Written:
 
     def __init__(self, flight, scales):
         self.flight, self.scales = flight, scales
-        self.n = flight.by_x.shape[1]
+        self.n = len(flight.states)
         self.times = np.array(
             [scales.air_time, scales.air_time, MOMENT_TIME, MOMENT_TIME]
         )
@@ -63,9 +63,10 @@ class Written:
         flight, n = self.flight, self.n
         motion, (gx, gz, moment, servo, wx, wz, trim, zero) = state[:n], state[n:]
         step = flight.record.time[k + 1] - flight.record.time[k]
-        new = flight.by_x[k] @ motion
-        new += flight.by_air[k] @ np.array([gx + wx, gz + wz])
-        by_elevator = flight.by_x[k][:, 3].copy()
+        by_x = flight.moves[k, :, :n]
+        new = by_x @ motion
+        new += flight.moves[k, :, n : n + 2] @ np.array([gx + wx, gz + wz])
+        by_elevator = by_x[:, 3].copy()
         by_elevator[3] = 0.0  # The offset itself stays.
         new += by_elevator * (trim + servo)
         new[2] += 0.5 * step**2 * moment
@@ -77,7 +78,8 @@ class Written:
 
     def seen(self, k, state):
         n = self.n
-        pose = self.flight.pose_by_x[k] @ state[:n]
+        shows = self.flight.shows[k % len(self.flight.shows)]
+        pose = shows[:3, :n] @ state[:n]
         pose[2] += state[n + 7]
         shown = [*pose, state[3] + state[n + 3], state[6]]
         return np.array(shown[: self.flight.record.seen.shape[1]])

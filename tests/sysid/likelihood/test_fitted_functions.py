@@ -8,7 +8,7 @@ import pytest
 from benchmarks.bench_forms import draw
 from benchmarks.other_forms import FORMS
 from glider.campaign.turning import Signs
-from glider.physics.effects import FLOW_VARIABLES, KINDS, NO_GAUSSIANS
+from glider.physics.effects import FLOW_VARIABLES, KINDS
 from glider.physics.effects.families import FAMILIES
 from glider.physics.effects.free_functions import (
     ROWS,
@@ -25,8 +25,7 @@ from glider.sysid.likelihood.fitted_functions import (
     flown_values,
     make_functions,
 )
-from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.model_fit import fit_model, with_functions
+from glider.sysid.likelihood.model_fit import fit_model, linear_flight
 from glider.sysid.outcome import model_of
 from glider.sysid.search.moves import Search
 from tests.helpers.tasks import begin, fly, task_of
@@ -81,12 +80,12 @@ def test_functions_of_the_same_variables_have_their_own_gaussians(vent):
     function = search.task.functions["air along z over x"]
     wide = dataclasses.replace(function, widths=2.0 * function.widths)
     apart = dataclasses.replace(function, centers=function.centers + 0.1)
-    flight = linearize(search.task.records[0], plate.theta, NO_GAUSSIANS)
+    record = search.task.records[0]
     functions = [function, wide, apart, function]
-    found = with_functions(flight, plate.theta, NO_GAUSSIANS, functions)
+    found = linear_flight(plate, (), record, functions).whole
     blocks = np.split(found.inputs[..., :-1], len(functions), axis=2)
     for own, block in zip(functions, blocks, strict=True):
-        alone = with_functions(flight, plate.theta, NO_GAUSSIANS, [own])
+        alone = linear_flight(plate, (), record, [own]).whole
         np.testing.assert_array_equal(block, alone.inputs[..., :-1])
     assert len({block.tobytes() for block in blocks}) == 3
 

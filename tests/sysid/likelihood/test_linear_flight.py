@@ -25,7 +25,7 @@ from glider.sysid.likelihood.linear_flight import (
     linearize,
     path_of,
 )
-from glider.sysid.replay.replayed import signals, true_nodes
+from glider.sysid.replay.replayed import offset_persists, signals, true_nodes
 from tests.helpers.columns import SCALES, column_error, of_launch, whitened
 from tests.helpers.tasks import fly, task_of
 
@@ -87,7 +87,8 @@ def test_columns_of_free_functions_are_derivatives(task, term):
     record, theta, small = task.records[0], task.vehicle.theta, 1e-4
     one = np.ones((len(record.time) - 1, 1))
     flight = linearize(record, theta, NO_GAUSSIANS, terms=[term])
-    wide = flight.with_columns([(FREE_FUNCTIONS[term], one)])
+    added = [(FREE_FUNCTIONS[term], one)]
+    wide = dataclasses.replace(flight, added=added).whole
     one = FreeFunction(constant=True, weights={term: [small]})
     gaussians = gaussians_of([one])
     column, error = np.moveaxis(whiten(wide, SCALES).innovations, 2, 0)
@@ -109,7 +110,8 @@ def test_columns_of_a_reading_are_derivatives(task, term):
     )
     gaussians, flight = gaussians_of([data]), linearize(record, theta, NO_GAUSSIANS)
     basis = data.basis(record.nodes[:, [variable]])
-    wide = flight.with_columns([(FREE_FUNCTIONS[term], basis)])
+    added = [(FREE_FUNCTIONS[term], basis)]
+    wide = dataclasses.replace(flight, added=added).whole
     column, error = whitened(wide).T
     numeric = (error - whitened(linearize(record, theta, gaussians))[:, 0]) / small
     launch, _ = np.linalg.qr(whitened(of_launch(flight)))
@@ -141,7 +143,8 @@ def test_moving_air_acts_on_the_forces_of_free_functions(task):
 
     for k, wind in enumerate(1e-3 * np.eye(2)):
         expected = (ends(*wind) - ends(*-wind))[:, flight.states] / 2e-3
-        apart = np.abs(flight.by_air[:, :, k] - expected).max()
+        by_air = flight.moves[:, :, len(flight.states) + k]
+        apart = np.abs(by_air - expected).max()
         assert apart < 0.02 * np.abs(expected).max()
 
 
@@ -203,10 +206,11 @@ def test_an_error_of_many_columns_is_that_of_each(task):
         *(task.records[0], task.vehicle.theta, NO_GAUSSIANS, columns),
         terms=["c_drag", "wind_z"],
     )
+    added = []
     for name in ("c_drag", "pose_pitch", "wind_z"):
-        nodes = len(flight.by_air) + (name in SENSOR_TERMS)
-        values = rng.normal(size=(nodes, 3))
-        flight = flight.with_columns([(FREE_FUNCTIONS[name], values)])
+        nodes = len(flight.moves) + (name in SENSOR_TERMS)
+        added.append((FREE_FUNCTIONS[name], rng.normal(size=(nodes, 3))))
+    flight = dataclasses.replace(flight, added=added)
     change = rng.normal(size=len(columns) + 9)
     whitened = whiten(flight, SCALES).innovations
     at_once = whiten(flight.combined(change), SCALES).innovations[..., 0]
@@ -223,7 +227,7 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     high = angles.min() + 0.7 * np.ptp(angles)
     record = dataclasses.replace(record, servo=Servo(-1.0, high, 13.0))
     other = dataclasses.replace(record, rest=record.rest + apart)
-    persists = signals(record, theta).offset_persists
+    persists = offset_persists(record, theta)
     assert persists[0] and not persists[-1]
     moved = signals(other, theta).at_nodes[0] - signals(record, theta).at_nodes[0]
     # The servo slows down within a row: what is left then is less than a half.
@@ -240,8 +244,8 @@ def test_an_elevator_forgets_at_a_stop_where_it_began(task):
     expected = (flown[1] - flown[0])[-1, flight.states]
     deviation = np.zeros(len(flight.states))
     deviation[OFFSET] = apart
-    for by_x in flight.by_x:
-        deviation = by_x @ deviation
+    for moves in flight.moves:
+        deviation = moves[:, : len(deviation)] @ deviation
     assert deviation[OFFSET] == 0.0 and abs(deviation[2]) > apart
     np.testing.assert_allclose(deviation, expected, rtol=0.05, atol=0.2 * apart)
     # Measured before the stop, it is off there alone.
