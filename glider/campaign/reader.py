@@ -57,17 +57,9 @@ def make_campaign(
     from glider.campaign.checks.frame import check_signs
     from glider.campaign.importing.campaign_import import cut_recordings
 
-<<<<<<< HEAD
     made = cut_recordings(recordings, mapping, campaign, are_flights=True).campaign
     check_signs(made)
     return made
-=======
-    mapped = [map_flight(recording, mapping, campaign) for recording in recordings]
-    campaign = dataclasses.replace(campaign, servo=mapped[0][1])
-    campaign = with_flights(campaign, [made for made, _ in mapped])
-    check_signs(campaign)
-    return campaign
->>>>>>> w12-CHK
 
 
 def _choose(folder: Path, flights: Sequence[str] | None) -> list[str]:
