@@ -124,7 +124,7 @@ def test_thrown_gliders_that_leave_much_are_never_without_effect():
 
 
 def test_a_roll_that_is_not_logged_is_asked_for():
-    """Whatever acts beside it; a doubt is told as well."""
+    """Whatever acts beside it; the reason has a doubt as well."""
     for found, word in (
         (verdict(bank=0.1), "unexplained"),
         (verdict(bank=0.1, is_free=True), "unexplained"),

@@ -127,6 +127,9 @@ def _explain(track: Rows, run: np.ndarray, worst: int) -> tuple[int, int]:
             right = run[at + count : last]
             pieces = [np.concatenate([left, right])] if count else [left, right]
             over = sum(_sum_excess(track, piece) for piece in pieces)
+            is_long = min(len(left), len(right)) >= _STENCIL
+            if count and over == 0.0 and is_long and not _meet(track, left, right):
+                over = 1e-3  # One row is a part of a jump.
             if over < least:
                 least = over
                 best = (at, count)
