@@ -381,7 +381,7 @@ class Strengths:
         self.scales = scales
         self.fitted = list(fitted)
         self.precision = precision
-        self.least = self._cost(np.zeros(flights[0].inputs.shape[2] - 1))
+        self.least = self._cost(np.zeros(flights[0].whole.inputs.shape[2] - 1))
 
     def lost_without(self, step: np.ndarray) -> float:
         """Returns the log-likelihood that is lost without a step (m,) [nats].
