@@ -76,7 +76,6 @@ _LARGEST: dict[tuple[str, ...], tuple[tuple[float, str], ...]] = {
 }
 """Of quantities with one unit what is most in SI, and the unit of what is more. Heights
 and y may have any origin."""
-_SLOW = 3.0  # Ratio of commands to angles below which they are angles [1/s].
 _PULSES = (500.0, 2500.0)  # Widths that servos take, and angles are not [us].
 _PULSE_SCALE = "{gain: 0.00157, zero: 1500}"  # Of most: a quarter turn in 1000 us.
 _FOUR = {"xyzw": 0.5, "wxyz": 0.5}
@@ -186,9 +185,12 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
     if posed and len(posed) == len(others):
         pair = [posed[0].name, others[0].name]
         before = os.path.commonprefix(pair)  # noqa: RUF071 -- of names, not paths.
-        join = [f"*{name.removeprefix(before)}" for name in pair]
-        with contextlib.suppress(InputError):  # Not all files have such names.
-            return read_logs(list(logs), _make_mapping(join=join), silent), join
+        after = os.path.commonprefix([n[::-1] for n in pair])[::-1]  # noqa: RUF071
+        ends = [f"*{name.removeprefix(before)}" for name in pair]
+        beginnings = [f"{name.removesuffix(after)}*" for name in pair]
+        for join in (ends, beginnings):
+            with contextlib.suppress(InputError):  # Not all files have such names.
+                return read_logs(list(logs), _make_mapping(join=join), silent), join
     found = [recording for file in posed or logs for recording in logs[file]]
     return found[:_MAX_FILES], []
 
@@ -377,8 +379,13 @@ def _is_angle(log: Recording, columns: _Columns) -> bool:
     if "elevator" not in columns or re.search(_IS_RATE, _words(name)):
         return False
     angle, _ = _values(log, columns["elevator"])
-    # A servo passes its whole travel in a fraction of a second.
-    return bool(np.nanstd(command) < _SLOW * np.nanstd(angle))
+    if len(angle) != len(command):
+        return False
+    logged = np.stack([command, np.gradient(angle), angle])
+    shown = logged[:, np.isfinite(logged).all(axis=0)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        _, to_rate, to_angle = np.abs(np.corrcoef(shown)[0])
+    return bool(to_angle > to_rate)
 
 
 def _travel(log: Recording, stem: str) -> float:
