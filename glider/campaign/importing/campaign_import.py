@@ -87,6 +87,7 @@ class ImportResult:
                 "begin": piece.span[0],
                 "end": piece.span[1],
                 "rows": len(piece.time),
+                "why": piece.why,
             }
             for flight, (path, piece) in zip(self.campaign.flights, cuts, strict=True)
         ]

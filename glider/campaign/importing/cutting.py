@@ -7,6 +7,7 @@ and for the first jump of the velocity. A throw in which the body is not seen fo
 moment is one flight: in a gap too short for another throw it has gained no energy.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -160,16 +161,22 @@ def _find_flight(
     if np.max(own.speed) < _FASTEST:
         return f"never faster than {np.max(own.speed):.2g} m/s: carried, or rolling"
     begin = part.time[0]
+    start = "the body is seen from here on"
     release = _find_release(own)
     if release is not None:
         begin = release + _AFTER_RELEASE
+        start = f"a hand lets go at {release:.3f} s"
     free = take(part, part.time >= begin)
     if len(free.time) < _MIN_ROWS:
         return "the hand never lets go"
     end = free.time[-1] - margin
+    stop = "the body is seen, and moves, until here"
     contact = _find_contact(free)
     if contact is not None:
         end = min(contact - _BEFORE_CONTACT, end)
+        stop = f"it touches something at {contact:.3f} s"
+    elif margin:
+        stop = f"the body is lost, or stands, at {free.time[-1]:.3f} s"
     flight = take(free, free.time <= end + 1e-9)
     if len(flight.time) < _MIN_ROWS or np.ptp(flight.time) < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
@@ -183,7 +190,7 @@ def _find_flight(
             f"it loses {max(lost, 0.0):.2g} J/kg in {way:.3g} m, less than any glider: "
             "a motor drives it, or it rises with the air; expected gliding flight"
         )
-    return flight
+    return dataclasses.replace(flight, why=f"{start}; {stop}")
 
 
 def _find_release(drive: _Drive) -> float | None:

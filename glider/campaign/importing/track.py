@@ -90,6 +90,7 @@ class Track:
     clock: str = ""
     servo: ServoLogs = ServoLogs()  #: Positive trailing edge up.
     notes: tuple[str, ...] = ()  #: On rows that were dropped.
+    why: str = ""  #: Of a flight: it begins and ends where it does.
     jitter: float = 0.0  #: Of the stamps about the even steps that were restored [s].
     clock_std: float = 0.0  #: Of the shift of the servo's logs onto this clock [s].
 
