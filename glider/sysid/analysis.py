@@ -24,6 +24,7 @@ from glider.physics.effects import ANGLE_SIGN, POSITION_SCALE
 from glider.physics.flown_range import ranges_of
 from glider.progress import Progress, Step
 from glider.sysid import outcome, result
+from glider.sysid.constants import MANY_FLIGHTS
 from glider.sysid.evaluation import Searched, evaluate
 from glider.sysid.fit.session import are_at_one_end, by_number, find_change
 from glider.sysid.likelihood.model_fit import fit_model
@@ -252,8 +253,9 @@ class Analysis:
             session = everything.on(records)
         if self.vehicle.is_known and all(f.attitude is None for f in campaign.flights):
             with self.stage("roll", "comparing flights that roll"):
+                few = task.thinned(MANY_FLIGHTS)
                 rolls = RollSearch(
-                    task=task, campaign=campaign, noise=noise, masks=masks
+                    task=few, campaign=campaign, noise=noise, masks=masks
                 )
                 traced = rolls.find(traced, self.progress)
 

@@ -31,14 +31,14 @@ from glider.sysid.replay.record import Noise, Record, prepare
 from glider.sysid.search.moves import Search
 from glider.sysid.search.tracing import SearchResult
 
-_PROBES = 0.02, 0.05, 0.1, 0.2, 0.4  # Banks at the end to begin with [rad].
+_PROBES = 0.03, 0.1, 0.3  # Banks at the end to begin with [rad].
 # Share of the gain of banks that these have (m: bench_roll).
 _SHOWN = 0.1
 # Share of what effects gain that banks gain in their place (m: bench_roll): at most
 # 0.45 where an effect acts and nothing rolls, at least 0.85 where all flights roll.
 _ENOUGH = 0.8
 _BESIDE = 2  # Effects that may act beside a roll.
-_FINS = 0.0, 3.0, 30.0  # Yaw acceleration over airspeed and slip that are tried [1/m].
+_FINS = 3.0, 0.0, 30.0  # Yaw acceleration over airspeed and slip that are tried [1/m].
 _STEP = 0.01  # Of a bank, for slopes [rad].
 _MOST = 0.9  # Bank that is no slight one any more [rad].
 _LEAST = 0.01  # Spread of banks below which flights show none [rad].
@@ -76,9 +76,8 @@ class RollSearch:
         act beside it. They are tried by their evidence: none of them, the first, the
         first two, and all.
         """
-        model = traced.model
-        known = {frozenset(own.kinds): own for own in (model, traced.bare)}
-        search = Search(self.task, progress, known)
+        search = Search(self.task, progress)
+        model = search.fit(traced.model)
         order = sorted(model.kinds, key=traced.evidence.__getitem__, reverse=True)
         for count in sorted({*range(min(_BESIDE, len(order)) + 1), len(order)}):
             kept = search.fit(model.without(self.task, *order[count:]))
@@ -95,19 +94,22 @@ class RollSearch:
         The gain is that of the marginal likelihood [nats]; zero where even before the
         fit it is too small for `least`.
         """
-        begun = [self._begun(model, fin) for fin in _FINS]
-        rolls, shown = max(begun, key=lambda own: own[1])
-        if shown < _SHOWN * least + 0.5 * EVIDENCE_THRESHOLD:
+        usual, *others = _FINS
+        begun = [self._begun(model, usual)]
+        if begun[0][1] < _SHOWN * least + 0.5 * EVIDENCE_THRESHOLD:
             return 0.0, 0.0
-        rolls = self._fit(rolls)
+        begun += [self._begun(model, fin) for fin in others]
+        likeliest, _ = max(begun, key=lambda own: own[1])
+        rolls = self._fit(likeliest)
         gain = model.cost + model.freedom - rolls.cost - rolls.model.freedom
         return float(rolls.spreads[1]), gain
 
     def _begun(self, model: FitResult, fin: float) -> tuple[_Rolls, float]:
         """Flights that roll by the likeliest of some banks, and what that gains."""
         count = len(self.task.records)
-        costs = []
-        for bank in (0.0, *_PROBES):
+        straight = error_flights(self.task, model)
+        costs = [negative_log_likelihood(straight, model.scales)]
+        for bank in _PROBES:
             flights = self._flights(model, np.tile([0.0, bank], (count, 1)), fin)
             costs.append(negative_log_likelihood(flights, model.scales))
         last = np.array(_PROBES)[np.argmin(costs[1:], axis=0)]
