@@ -34,6 +34,9 @@ from glider.sysid.search.tracing import SearchResult
 _PROBES = 0.03, 0.1, 0.3  # Banks at the end to begin with [rad].
 # Share of the gain of banks that these have (m: bench_roll).
 _SHOWN = 0.1
+# Mean gain of the likeliest bank of a flight that does not roll [nats] (d): none in
+# half of them, as its square is not negative, and ½ χ² with one degree of freedom.
+_BY_CHANCE = 0.25
 # Share of what effects gain that banks gain in their place (m: bench_roll): at most
 # 0.45 where an effect acts and nothing rolls, at least 0.85 where all flights roll.
 _ENOUGH = 0.8
@@ -96,7 +99,8 @@ class RollSearch:
         """
         usual, *others = _FINS
         begun = [self._begun(model, usual)]
-        if begun[0][1] < _SHOWN * least + 0.5 * EVIDENCE_THRESHOLD:
+        by_chance = _BY_CHANCE * len(self.task.records)
+        if begun[0][1] < _SHOWN * least + by_chance:
             return 0.0, 0.0
         begun += [self._begun(model, fin) for fin in others]
         likeliest, _ = max(begun, key=lambda own: own[1])
