@@ -20,7 +20,6 @@ from matplotlib.figure import Figure
 
 from diagrams.programs import program
 from glider import GliderModel, PerchingProblem, can_perch, workers_of
-from glider.progress import Step
 
 AXES = {
     "height [m]": (1, -0.8, 0.8),
@@ -57,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 planned[i] = answer
                 done = i + 1
                 words = f"plan ({done} of {args.launches} launches)"
-                progress(Step(words, done / args.launches))
+                progress(program.Step(words, done / args.launches))
         seconds = time.perf_counter() - begin
     print(
         f"{np.sum(planned):,} of {len(planned):,} launches have a plan to the wire "

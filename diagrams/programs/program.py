@@ -27,6 +27,7 @@ from pydrake.geometry import Meshcat
 from diagrams.playback import Track, play, stage_of
 from diagrams.programs.page import open_meshcat, page_of
 from glider.commands.output import working as working
+from glider.progress import Step as Step
 from glider.commands.parsing import CommandParser
 from glider.errors import (
     INTERRUPTED,
