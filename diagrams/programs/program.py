@@ -27,7 +27,6 @@ from pydrake.geometry import Meshcat
 from diagrams.playback import Track, play, stage_of
 from diagrams.programs.page import open_meshcat, page_of
 from glider.commands.output import working as working
-from glider.progress import Step as Step
 from glider.commands.parsing import CommandParser
 from glider.errors import (
     INTERRUPTED,
@@ -43,6 +42,7 @@ from glider.planning.dircol import PlanningError
 from glider.planning.plan import Plan
 from glider.planning.problem import Hook
 from glider.progress import Progress as Progress
+from glider.progress import Step as Step
 from glider.progress import silent as silent
 from glider.simulation.flown_flights import FlownFlight
 
