@@ -42,4 +42,6 @@ def folder_of(path: str, root: Path = ROOT) -> str | None:
 
 if __name__ == "__main__":
     found = {folder_of(path) for path in changed_files() if path.endswith(".py")}
+    if "tests/physics" in found:
+        found.add("tests/helpers/test_lifelike.py")  # The independent simulator.
     print(*sorted({*filter(None, found), *ALWAYS}))

@@ -50,7 +50,8 @@ CLOCK_ERROR = 0.015
 COARSE_NOISE = 5.0
 # Flights for each that may be an outlier: more outliers are no exceptions (c).
 PER_OUTLIER = 5
-# Least deviation of a log mean square: twice the median one (m: docs/how_it_works.md).
+# Least deviation of a log mean square, twice the median one (m: docs/theory/
+# tracing.md).
 LEAST_DEVIATION = 0.15
 # Flight-to-flight variation that is reported, in a coefficient's scale (c).
 LEAST_SPREAD = 0.1

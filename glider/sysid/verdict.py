@@ -207,10 +207,10 @@ def _judge_in_plane(
 
     if doubt is not None:
         return "not_trusted", f"Too much is left to chance: {doubt}."
-    if traced.model.kinds:  # Else signs alone were put right, for all models.
-        doubt = _not_better(traced.model, gains, errors)
-    if doubt is not None:
-        return "not_trusted", doubt
+    # Without effects signs alone were put right, for all models.
+    worse = _not_better(traced.model, gains, errors) if traced.model.kinds else None
+    if worse is not None:
+        return "not_trusted", worse
     if rest or any(e.kind == "unexplained" for e in effects):
         # A variation over flights alone has no evidence and explains nothing.
         named = [e for e in effects if e.kind != "unexplained"]

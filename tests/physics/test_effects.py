@@ -211,6 +211,28 @@ def test_numbers_that_cannot_be_are_refused(kind):
         kind(nmae=0.0)
 
 
+@pytest.mark.parametrize(
+    "kind, value, moment",
+    [
+        ("pitch_moment", 0.002, lambda speed, rate: 0.002 * speed**2),
+        ("pitch_damping", 0.004, lambda speed, rate: -0.004 * speed * rate),
+    ],
+)
+def test_moments_have_their_signs(kind, value, moment):
+    """Positive turns the nose down; damping slows a rate."""
+    plain = GliderModel()
+    model = GliderModel(effects=(KINDS[kind](coefficient=value),))
+    own = plain.parameters
+    x = np.array([0.0, 0.0, -0.1, 0.0, 6.0, -0.5, 0.8])
+    speed = math.hypot(6.0, 0.5)
+    rates = [
+        m.chain.derivatives(0.0, x, 0.0, 0.0, 0.0, m.numbers) for m in (plain, model)
+    ]
+    pressure = 0.5 * own.air_density * own.wing_area / own.pitch_inertia
+    added = rates[1][6] - rates[0][6]
+    assert added == pytest.approx(pressure * moment(speed, 0.8), rel=1e-9)
+
+
 def test_effects_add_in_any_order():
     effects = [at_work(kind) for kind in LIBRARY if kind.stage != "actuator"]
     point = random_states(1)[0]

@@ -125,25 +125,25 @@ def _find_cause(
 
     Limits have words of their own. It is the plain servo where nothing does.
     """
-    clock_std = campaign.servo.command_std
+    command_std = campaign.servo.command_std
     even = plain
     if not plain.explains:
         limited = []
         for free in _LIMITS:
-            limited.append(fit_servo(plain.elevators, plain.servo, clock_std, free))
+            limited.append(fit_servo(plain.elevators, plain.servo, command_std, free))
             if limited[-1].explains:
                 break
         even = _better(plain, limited[-1:] if limited[-1].explains else limited)
     loaded = with_loads(campaign, masks, plain.elevators)
     causes = {}
     for form in _UNEVEN:
-        fit = fit_servo(loaded, plain.servo, clock_std, form)
+        fit = fit_servo(loaded, plain.servo, command_std, form)
         if abs(getattr(fit.servo, form[-1])) > _SURELY * fit.std:
             causes[fit] = _describe(fit)
     if not any(fit.explains for fit in (even, *causes)):
-        lost, share = restore_lost(plain, clock_std)
+        lost, share = restore_lost(plain, command_std)
         causes[lost] = f"loses about {100.0 * share:.2g} % of its commands"
-        rounded, step = find_step(plain, clock_std)
+        rounded, step = find_step(plain, command_std)
         causes[rounded] = f"rounds its commands, in steps of {step:.3g} rad/s"
     best = _better(even, [*causes])
     return best, causes.get(best, "")

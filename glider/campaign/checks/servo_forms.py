@@ -110,7 +110,7 @@ def _lasting_errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
 def fit_servo(
     elevators: Sequence[Elevator],
     start: LateServo,
-    clock_std: float,
+    command_std: float,
     free: tuple[str, ...] = (),
     cost: float = 0.0,
 ) -> Fit:
@@ -146,7 +146,7 @@ def fit_servo(
         servo = servo_of(numbers)
         return np.concatenate([_lasting_errors(each, servo) for each in elevators])
 
-    least = [-_SURE * clock_std, 0.0, *(ranges[name][0] for name in free)]
+    least = [-_SURE * command_std, 0.0, *(ranges[name][0] for name in free)]
     most = [*_LONGEST, *(ranges[name][1] for name in free)]
     scales = [*_STEPS, *(ranges[name][3] for name in free)]
     fits = []
@@ -177,7 +177,7 @@ def _std_of(found: OptimizeResult, elevators: Sequence[Elevator]) -> float:
     return float(np.linalg.norm(pulls @ gain))
 
 
-def restore_lost(plain: Fit, clock_std: float) -> tuple[Fit, float]:
+def restore_lost(plain: Fit, command_std: float) -> tuple[Fit, float]:
     """Finds commands that a servo never got: it held the one before.
 
     Also returns their share of all.
@@ -189,7 +189,9 @@ def restore_lost(plain: Fit, clock_std: float) -> tuple[Fit, float]:
     logged = np.concatenate([each.tape.commands for each in elevators])
     is_lost = np.concatenate(held) != logged
     cost = float(np.sum(is_lost)) * math.log(len(logged) / len(elevators))
-    return fit_servo(found, plain.servo, clock_std, cost=cost), float(np.mean(is_lost))
+    return fit_servo(found, plain.servo, command_std, cost=cost), float(
+        np.mean(is_lost)
+    )
 
 
 def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
@@ -217,7 +219,7 @@ def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
     return commands
 
 
-def find_step(plain: Fit, clock_std: float) -> tuple[Fit, float]:
+def find_step(plain: Fit, command_std: float) -> tuple[Fit, float]:
     """Fits elevators behind rounded commands; also returns the step [rad/s]."""
     commands = np.concatenate([each.tape.commands for each in plain.elevators])
 
@@ -237,7 +239,9 @@ def find_step(plain: Fit, clock_std: float) -> tuple[Fit, float]:
         best = inverse[np.argmax([fit.likelihood for fit in fits])]
         inverse = best + apart * np.linspace(-0.5, 0.5, _FINER)
         apart *= 2.0 / (_FINER - 1)
-    return fit_servo(behind(1.0 / best), plain.servo, clock_std, cost=cost), 1.0 / best
+    return fit_servo(
+        behind(1.0 / best), plain.servo, command_std, cost=cost
+    ), 1.0 / best
 
 
 def least_step(plain: Fit) -> float:

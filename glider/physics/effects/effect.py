@@ -166,7 +166,9 @@ class Coefficient:
     unit: str  #: SI, as in the report.
     default: float = 0.0  #: Value when not given; all defaults together do nothing.
     _: dataclasses.KW_ONLY
-    scale: float = 1.0  #: A typical size, for step sizes and for planting in tests.
+    scale: float = (
+        1.0  #: A typical size: of steps, of a fit's prior, of planted effects.
+    )
     lower: float = -math.inf  #: Smallest physical value.
     upper: float = math.inf  #: Largest physical value.
     #: Starting values to try where the effect is not linear in this coefficient; empty

@@ -2,7 +2,7 @@
 
 With everything acting at once, the remaining mean squared error is about the same for
 all flights of one glider, whatever its model lacks, and many times as large for a
-flight of other axes, units or clocks (docs/how_it_works.md has measurements). It is
+flight of other axes, units or clocks (docs/theory/tracing.md has measurements). It is
 found in closed form from the flights' Gram matrices by iteratively reweighted least
 squares (Huber, Robust Statistics, 1981).
 """
