@@ -276,7 +276,7 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     """
     if not elevators:
         return ()
-    gain, error = _calc_travel(elevators)
+    gain, error = _calc_travel(elevators, campaign.limits)
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
         "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
@@ -285,13 +285,15 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     return claim_scale(campaign, gain, _SURELY * error / gain, _TRAVEL, words)
 
 
-def _calc_travel(elevators: Sequence[Elevator]) -> tuple[float, float]:
+def _calc_travel(
+    elevators: Sequence[Elevator], limits: Servo = NO_LIMITS
+) -> tuple[float, float]:
     """Measured over commanded travel without its sign, and its standard error.
 
     Least squares, with the delay and the lag that fit best, without limits: those of
-    commands in another unit are others. Limits that elevators reach excuse a gain that
-    is not one, if they fit better. The error is what flights scatter by; it is infinite
-    if the lag is too long.
+    commands in another unit are others. Specified limits, and those that elevators
+    reach, excuse a gain that is not one, if they fit better. The error is what flights
+    scatter by; it is infinite if the lag is too long.
     """
     shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
     if not shown:
@@ -309,12 +311,12 @@ def _calc_travel(elevators: Sequence[Elevator]) -> tuple[float, float]:
         return float(np.sum((angle - gain * path) ** 2)), abs(gain)
 
     fits = []
-    for own in (NO_LIMITS, _reached(few)):
+    for own in (NO_LIMITS, limits, _reached(few)):
         late = brute(lambda *given: fit(*given)[0], _TRIED, (own, few))
         fits.append((*fit(late, own, shown), abs(late[1])))
-    free, excuse = fits
-    is_nearer = abs(excuse[1] - 1.0) < abs(free[1] - 1.0)
-    _, gain, lag = min(fits) if is_nearer else free
+    free, *excuses = fits
+    nearer = [own for own in excuses if abs(own[1] - 1.0) < abs(free[1] - 1.0)]
+    _, gain, lag = min([free, *nearer])
     error = _SCATTER / math.sqrt(len(shown))
     return gain, math.inf if lag > _LONGEST_LAG and gain <= 1.0 else error
 

@@ -24,7 +24,7 @@ from glider.campaign.importing.recording import (
     scale_of,
     spell,
 )
-from glider.campaign.importing.splitting import find_restarts
+from glider.campaign.importing.splitting import FEWEST_ROWS, find_restarts
 from glider.campaign.settings import (
     QUANTITIES,
     Frame,
@@ -36,6 +36,7 @@ from glider.campaign.settings import (
 from glider.errors import InputError, expect
 
 _SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
+_ROUNDED = (0.01, 1e-3, 1e-4)  # Last digits of times that are rounded [s].
 _LONGEST = 0.05  # Step of a log above which commands are logged at changes only [s].
 _EULER = ("roll", "pitch", "yaw")  # About x, y and z.
 _POINT = ("xyz", "012")  # Axes of vectors: letters, or indices.
@@ -396,7 +397,8 @@ class _Picker:
                 "in each table",
             )
         late = int(np.sum(~ahead))
-        return Stream(time[ahead], values[ahead], group.clock, late)
+        even = _without_rounding(time[ahead])
+        return Stream(even, values[ahead], group.clock, late)
 
     def _scaled(self, quantity: str, column: Column) -> np.ndarray:
         """A column in SI; refuses a unit that the file contradicts."""
@@ -429,6 +431,23 @@ def _turn(stream: Stream, make: Callable[[np.ndarray], Rotation]) -> Stream:
     """Rotations (n, 9) that are made of the numbers of each row."""
     stream = stream.known()
     return stream._replace(values=make(stream.values).as_matrix().reshape(-1, 9))
+
+
+def _without_rounding(time: np.ndarray) -> np.ndarray:
+    """Times (n,) with even steps, where they are rounded and all that is not is that.
+
+    Rows between gaps are on their own. At 7 m/s a millisecond is 7 mm.
+    """
+    clean = time.copy()
+    left = (np.ptp(time / r - np.round(time / r)) for r in _ROUNDED if len(time))
+    digit = next((r for r, n in zip(_ROUNDED, left, strict=False) if n < 1e-2), 0.0)
+    gaps = np.diff(time) > 1.5 * np.median(np.diff(time)) + digit
+    for rows in np.split(np.arange(len(time)), np.flatnonzero(gaps) + 1):
+        if digit and len(rows) >= FEWEST_ROWS:
+            even = np.polynomial.Polynomial.fit(rows, time[rows], 1)(rows)
+            if 1e-3 * digit < np.ptp(even - time[rows]) < 1.1 * digit:
+                clean[rows] = even
+    return clean
 
 
 def _world_axes(frame: Frame) -> np.ndarray:

@@ -138,7 +138,7 @@ def test_a_slow_servo_under_feedback_is_no_wrong_clock(tmp_path):
     campaign = load_campaign(tmp_path / "s")
     found = inspect(campaign)
     assert len(found.campaign.flights) == 4 and found.warnings == ()
-    gain, error = _calc_travel(measure_elevators(campaign, {}))
+    gain, error = _calc_travel(measure_elevators(campaign, {}), campaign.limits)
     assert abs(gain - 1.0) < 0.03 < 3.0 * error
 
 
