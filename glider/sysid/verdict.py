@@ -154,37 +154,16 @@ def judge(
 
     `gains` are those of the correction over each other model, see `folds.hold_out`.
     """
-    verdict, reason = _judge_in_plane(traced, gains, errors, effects, left, doubt)
-    if traced.bank is None:
-        return verdict, reason
-    about = _about_roll(traced)
-    is_named = any(e.kind in traced.model.kinds for e in effects)
-    if is_named and verdict == "not_trusted":
-        return verdict, f"{about} {reason}"
-    if doubt is not None:
-        about += f" Besides, {doubt}."
-    return "partly_explained" if is_named else "unexplained", about
+    untrusted = _why_untrusted(traced, gains, errors, doubt)
+    if traced.bank is not None:
+        about = _about_roll(traced)
+        if not any(e.kind in traced.model.kinds for e in effects):
+            more = "" if doubt is None else f" Besides, {doubt}."
+            return "unexplained", about + more
+        if untrusted is not None:
+            return "not_trusted", f"{about} {untrusted}"
+        return "partly_explained", about
 
-
-def _about_roll(traced: SearchResult) -> str:
-    """Returns the sentences on a roll that is not logged."""
-    other = "other " if traced.model.kinds else ""
-    return (
-        f"Flights lose lift as a banked wing does, about {traced.bank:.2f} rad at the "
-        f"end: log roll and yaw. That explains them better than {other}effects of a "
-        f"glider that does not roll, so no {other}effect is named."
-    )
-
-
-def _judge_in_plane(
-    traced: SearchResult,
-    gains: Mapping[str, Gains],
-    errors: _AllErrors,
-    effects: Sequence[FoundEffect],
-    left: Residual,
-    doubt: str | None,
-) -> tuple[str, str]:
-    """Returns the verdict on flights in their plane, and the sentence."""
     rest = _beyond_floor(left)
     unexplained = f"No effect of the library explains what the flat plate lacks{rest}."
     if not effects and not traced.model.kinds:
@@ -205,12 +184,8 @@ def _judge_in_plane(
         if doubt is None:
             return "no_effect", "The flights show nothing beyond noise and moving air."
 
-    if doubt is not None:
-        return "not_trusted", f"Too much is left to chance: {doubt}."
-    # Without effects signs alone were put right, for all models.
-    worse = _not_better(traced.model, gains, errors) if traced.model.kinds else None
-    if worse is not None:
-        return "not_trusted", worse
+    if untrusted is not None:
+        return "not_trusted", untrusted
     if rest or any(e.kind == "unexplained" for e in effects):
         # A variation over flights alone has no evidence and explains nothing.
         named = [e for e in effects if e.kind != "unexplained"]
@@ -228,6 +203,30 @@ def _judge_in_plane(
         )
 
     return "effect_found", f"{reason}."
+
+
+def _about_roll(traced: SearchResult) -> str:
+    """Returns the sentences on a roll that is not logged."""
+    other = "other " if traced.model.kinds else ""
+    return (
+        f"Flights lose lift as a banked wing does, about {traced.bank:.2f} rad at the "
+        f"end: log roll and yaw. That explains them better than {other}effects of a "
+        f"glider that does not roll, so no {other}effect is named."
+    )
+
+
+def _why_untrusted(
+    traced: SearchResult,
+    gains: Mapping[str, Gains],
+    errors: _AllErrors,
+    doubt: str | None,
+) -> str | None:
+    """Returns the sentence on why a model cannot be trusted, or None."""
+    if doubt is not None:
+        return f"Too much is left to chance: {doubt}."
+    if not traced.model.kinds:  # Signs alone were put right, for all models.
+        return None
+    return _not_better(traced.model, gains, errors)
 
 
 def _beyond_floor(left: Residual) -> str:
