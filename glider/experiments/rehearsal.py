@@ -377,11 +377,11 @@ class Strengths:
         precision: np.ndarray,
     ):
         """Fits the strengths to the flights as they are."""
-        self.flights = flights
+        self.flights = [flight.whole for flight in flights]  # For all steps.
         self.scales = scales
         self.fitted = list(fitted)
         self.precision = precision
-        self.least = self._cost(np.zeros(flights[0].whole.inputs.shape[2] - 1))
+        self.least = self._cost(np.zeros(self.flights[0].inputs.shape[2] - 1))
 
     def lost_without(self, step: np.ndarray) -> float:
         """Returns the log-likelihood that is lost without a step (m,) [nats].

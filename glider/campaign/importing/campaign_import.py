@@ -74,8 +74,9 @@ class ImportResult:
     @property
     def reasons(self) -> str:
         """The first notes on recordings, as on why they have no flight."""
-        noted = dict.fromkeys(note for own in self.recordings for note in own.notes)
-        return "; ".join(itertools.islice(noted, _REASONS))
+        notes = (note for own in self.recordings for note in own.notes)
+        noted = [*dict.fromkeys(notes)]
+        return "; ".join([*noted[:_REASONS], "..."][: len(noted)])
 
     def report(self) -> dict[str, Any]:
         """All of it, as JSON has it; times are those of the recordings [s]."""
