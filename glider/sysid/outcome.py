@@ -19,7 +19,7 @@ from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
 from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
-from glider.sysid.likelihood.fitted_functions import FittedFunction
+from glider.sysid.likelihood.fitted_functions import flown_values
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES
@@ -113,7 +113,7 @@ def effects_of(
 
     for first, *bending in members.values():
         if first in functions:
-            entry = _function_entry(functions[first], names[first], known)
+            entry = _function_entry(task, model, first, names[first], known)
         else:
             entry = _formula_entry(task, model, first, known)
 
@@ -182,13 +182,12 @@ def _formula_entry(
 
 
 def _function_entry(
-    function: FittedFunction, kind: str, known: Uncertainty
+    task: Task, model: FitResult, name: str, kind: str, known: Uncertainty
 ) -> FoundEffect:
     """A free function as an effect: its link, its variables and where it is largest."""
-    family = FAMILIES[function.name]
+    family = FAMILIES[name]
     words = family.words
     shape = result.OTHER_SHAPE
-    coefficients = _find_peak(function, known)
     if kind == result.UNEXPLAINED:
         words = f"no effect of the library: {words}"
         shape = result.LIBRARY_SHAPE
@@ -196,7 +195,7 @@ def _function_entry(
     return FoundEffect(
         kind=kind,
         words=words,
-        coefficients=coefficients,
+        coefficients=_find_peak(task, model, name, known),
         shape=shape,
         depends_on=family.depends_on,
     )
@@ -223,22 +222,23 @@ def _rivals_of(
     return tuple(kind for kind in task.space.kinds if kind in found)
 
 
-def _find_peak(function: FittedFunction, known: Uncertainty) -> dict[str, Estimate]:
-    """The largest value of a free function's term, and where it is.
+def _find_peak(
+    task: Task, model: FitResult, name: str, known: Uncertainty
+) -> dict[str, Estimate]:
+    """The largest value of a free function's term along the flights, and where it is.
 
-    The standard error of a peak's height is, to first order, that of the function at
-    its place.
+    The largest is that whose band ends farthest from zero: where few flights come the
+    function is not known. The standard error of a peak's height is, to first order,
+    that of the function at its place.
     """
-    count = 401 if len(function.variables) == 1 else 61
-    low, high = function.flown
-    axes = np.linspace(low, high, count).T
-    grid = np.meshgrid(*axes, indexing="ij")
-    points = np.stack(grid, axis=-1).reshape(-1, len(axes))
+    function = model.by_name[name]
+    points = flown_values(task.records, model.theta)[:, function.columns]
     rows = function.gaussians(points) @ function.mix
     values = rows @ function.coordinates
-    peak = int(np.argmax(np.abs(values)))
-    covariance, _ = known.of(known.places[function.name])
-    std = float(np.sqrt(rows[peak] @ covariance @ rows[peak]))
+    covariance, _ = known.of(known.places[name])
+    stds = np.sqrt(np.sum(rows @ covariance * rows, axis=1))
+    peak = int(np.argmax(np.abs(values) - BAND * stds))
+    std = float(stds[peak])
     term = function.effect.kind
     [value] = function.effect.coefficients
     found = {f"{term}_peak": Estimate(float(values[peak]), std, value.unit)}

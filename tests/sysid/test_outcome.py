@@ -5,6 +5,7 @@ import types
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from glider.campaign.turning import Signs
 from glider.physics.effects import (
@@ -98,24 +99,49 @@ def with_function(task, model, name):
     )
 
 
-def test_a_free_functions_errors_are_its_own(plain):
-    task, model = plain
-    traced = with_function(task, model, "air along x over x")
-    function, first = task.functions["air along x over x"], 3
-    std = np.append(np.full(first, 9.0), np.full(function.count, 0.1))
-    places = {function.name: range(first, len(std))}
+def peak_of(task, model, covariance):
+    """Returns the effect of a function of the air with coordinates of a covariance.
+
+    Three other coefficients come first, with errors of 9.
+    """
+    name = "air along x over x"
+    traced = with_function(task, model, name)
+    whole = scipy.linalg.block_diag(81.0 * np.eye(3), covariance)
     known = Uncertainty(
-        free=model.free,
+        free=traced.model.free,
         named=(),
-        places=places,
-        likelihood=np.diag(std**2),
-        changes=np.zeros((2, len(std))),
+        places={name: range(3, len(whole))},
+        likelihood=whole,
+        changes=np.zeros((2, len(whole))),
     )
     (effect,) = effects_of(task, traced, NO_FOLDS, known, {}, Signs())
+    return effect
+
+
+def test_a_free_functions_errors_are_its_own(plain):
+    task, model = plain
+    count = task.functions["air along x over x"].count
+    effect = peak_of(task, model, 0.01 * np.eye(count))
     assert effect.kind == "unexplained"
     peak = effect.coefficients["wind_x_peak"]
     # A Gaussian beside its neighbours, each 0.5 m/s times 0.1.
     assert 0.05 < peak.std < 0.15
+
+
+def test_a_peak_is_on_the_flights_where_it_is_surely_large(plain):
+    task, model = plain
+    function = task.functions["air along x over x"]
+    flown = [record.pose[:, 0] for record in task.records]
+    equal = 0.01 * np.eye(function.count)
+    peak = peak_of(task, model, equal).coefficients
+    place = peak["wind_x_peak_at_x"].value
+    assert min(map(np.min, flown)) - 0.01 < place < max(map(np.max, flown)) + 0.01
+    # The value there is not known: the peak is elsewhere.
+    [row] = function.gaussians(np.array([[place]])) @ function.mix
+    unsure = equal + 100.0 * np.outer(row, row) / (row @ row)
+    other = peak_of(task, model, unsure).coefficients
+    assert abs(other["wind_x_peak_at_x"].value - place) > 0.1
+    assert other["wind_x_peak"].std < 0.5 * abs(other["wind_x_peak"].value)
 
 
 @pytest.mark.parametrize("diverges", [False, True])

@@ -19,6 +19,7 @@ from glider.sysid.constants import (
     FOLLOWED,
     HELD_OUT_THRESHOLD,
     MOSTLY,
+    RESOLVED,
     RIVAL_GAP,
     SLIGHT,
 )
@@ -170,12 +171,17 @@ def _names_of(
     share `SLIGHT` of the evidence, as functions leave errors of that size; or than a
     share `EXPLAINED` of that of one that bends it. A free function has the name of the
     formula that explains it best, if one does; or of the formula with a name that it
-    bends. Else it is unexplained.
+    bends. Else it is unexplained. Beside others it has no name where its strength is
+    the least, `RESOLVED`: they leave errors of that size, too.
     """
     if not model.free_kinds:
         return {kind: kind for kind in model.kinds}
+    strengths = {own.name: own.strength for own in model.functions}
+    strongest = max(strengths, key=strengths.__getitem__)
+    weak = {name for name, own in strengths.items() if own <= RESOLVED} - {strongest}
     shown = []
-    for kind in sorted(model.kinds, key=evidence.__getitem__, reverse=True):
+    strong = [kind for kind in model.kinds if kind not in weak]
+    for kind in sorted(strong, key=evidence.__getitem__, reverse=True):
         bending = [f for f in model.free_kinds if kind in FAMILIES[f].bends]
         least = max(
             (EXPLAINED * evidence[function] for function in bending),

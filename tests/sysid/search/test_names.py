@@ -7,6 +7,7 @@ from unittest import mock
 import pytest
 
 from glider.physics.effects.families import FAMILIES, formulas_at
+from glider.sysid.constants import RESOLVED
 from glider.sysid.result import UNEXPLAINED
 from glider.sysid.search import tracing
 from glider.sysid.search.subsets import Scorer
@@ -24,10 +25,18 @@ class FakeModel:
     cost: float = 0.0
     freedom: float = 0.0
     scales: object = None
+    strengths: dict = dataclasses.field(default_factory=dict)
 
     @property
     def free_kinds(self):
         return tuple(kind for kind in self.kinds if kind in FAMILIES)
+
+    @property
+    def functions(self):
+        return [
+            types.SimpleNamespace(name=kind, strength=self.strengths.get(kind, 1.0))
+            for kind in self.free_kinds
+        ]
 
     def without(self, task, *gone):
         return FakeModel(tuple(kind for kind in self.kinds if kind not in gone))
@@ -72,10 +81,11 @@ class Alike:
         return [0.0 for _ in more]
 
 
-def names(evidence, shares=()):
+def names(evidence, shares=(), strengths=()):
     """Returns the names of effects by their evidence.
 
-    `shares` are those of a free function, which gains 100, that formulas explain.
+    `shares` are those of a free function, which gains 100, that formulas explain;
+    `strengths` those of free functions that have not 1.
     """
     search = FakeSearch(evidence, dict(shares))
 
@@ -84,6 +94,7 @@ def names(evidence, shares=()):
 
     with mock.patch.object(tracing, "fit_model", fit_model):
         model = search.fit(FakeModel(tuple(evidence)))
+        model = dataclasses.replace(model, strengths=dict(strengths))
         return tracing._names_of(search, model, evidence)
 
 
@@ -131,6 +142,15 @@ def test_what_stands_for_errors_of_free_functions_has_no_name():
     assert found == {LIFT: "camber"}
     found = names({"mass": 14.0, WAKE: 5.0, LIFT: 1500.0})
     assert found == {LIFT: UNEXPLAINED}
+
+
+def test_a_function_of_the_least_strength_has_a_name_alone():
+    """Beside another it stands for what that leaves."""
+    shares, weak = {(PAIR, "dynamic_stall"): 0.9}, {PAIR: RESOLVED}
+    assert names({PAIR: 86.0}, shares, weak) == {PAIR: "dynamic_stall"}
+    both = {PAIR: 86.0, WAKE: 422.0}
+    assert names(both, shares) == {PAIR: "dynamic_stall", WAKE: UNEXPLAINED}
+    assert names(both, shares, weak) == {WAKE: UNEXPLAINED}
 
 
 def test_formulas_at_a_link_may_explain_functions_of_more_variables():
