@@ -48,7 +48,7 @@ myst_substitutions = {
     "block_threshold": f"{constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP:.0f}",
     "followed": f"{constants.FOLLOWED}",
     "folds": f"{constants.FOLDS}",
-    "resolved": f"{100 * constants.RESOLVED:.0f} %",
+    "small": f"{200 * constants.RESOLVED:.0f} %",
     "slight": f"{100 * constants.SLIGHT:.0f} %",
     "mostly": f"{100 * constants.MOSTLY:.0f} %",
     "explained": f"{100 * constants.EXPLAINED:.0f} %",

@@ -80,9 +80,10 @@ FOLLOWED = 3
 SLACK = 0.1
 
 # -------------------------------------------------- free functions and fits
-# RMS along flights, over its prior's, of what a function shows, and the least strength
-# that is fitted. One of no more stands for the errors of others (m: bench_forms: right
-# names have an RMS of 0.05 at least, wrong ones 0.01, 0.02, 0.03 and 0.14).
+# RMS along flights, over its prior's, of what a function shows, and the strength of one
+# that is as good as none (c). Below twice that, one stands for the errors of others (m:
+# bench_forms and bench_adverse: right names have 0.05 at least, wrong ones 0.01, 0.02,
+# 0.03 and 0.14).
 RESOLVED = 0.02
 # The same of coordinates with which functions are compared (c).
 LEADING = 0.1

@@ -93,6 +93,12 @@ class FittedFunction:
         """Weights of the Gaussians, (M,)."""
         return self.mix @ self.coordinates
 
+    def size(self, flown: np.ndarray) -> float:
+        """Returns its RMS along flights, FLOW_VARIABLES (n, v), over its prior's."""
+        values = self.gaussians(flown[:, self.columns]) @ self.weights
+        [value] = self.effect.coefficients
+        return float(np.sqrt(np.mean(values**2))) / value.scale
+
     @property
     def data(self) -> FreeFunction:
         """The function as a model file has it."""

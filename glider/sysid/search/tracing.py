@@ -24,6 +24,7 @@ from glider.sysid.constants import (
     SLIGHT,
 )
 from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.fitted_functions import flown_values
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import NAMES, start_scales
@@ -171,17 +172,18 @@ def _names_of(
     share `SLIGHT` of the evidence, as functions leave errors of that size; or than a
     share `EXPLAINED` of that of one that bends it. A free function has the name of the
     formula that explains it best, if one does; or of the formula with a name that it
-    bends. Else it is unexplained. Beside others it has no name where its strength is
-    the least, `RESOLVED`: they leave errors of that size, too.
+    bends. Else it is unexplained. Beside a larger one it has no name below twice
+    `RESOLVED`: functions leave errors of that size, too.
     """
     if not model.free_kinds:
         return {kind: kind for kind in model.kinds}
-    strengths = {own.name: own.strength for own in model.functions}
-    strongest = max(strengths, key=strengths.__getitem__)
-    weak = {name for name, own in strengths.items() if own <= RESOLVED} - {strongest}
+    flown = flown_values(search.task.records, model.theta)
+    sizes = {own.name: own.size(flown) for own in model.functions}
+    largest = max(sizes.values())
+    small = {n for n, own in sizes.items() if own < min(2.0 * RESOLVED, largest)}
     shown = []
-    strong = [kind for kind in model.kinds if kind not in weak]
-    for kind in sorted(strong, key=evidence.__getitem__, reverse=True):
+    counted = [kind for kind in model.kinds if kind not in small]
+    for kind in sorted(counted, key=evidence.__getitem__, reverse=True):
         bending = [f for f in model.free_kinds if kind in FAMILIES[f].bends]
         least = max(
             (EXPLAINED * evidence[function] for function in bending),

@@ -2,6 +2,7 @@
 
 import dataclasses
 import types
+from typing import NamedTuple
 from unittest import mock
 
 import pytest
@@ -25,7 +26,8 @@ class FakeModel:
     cost: float = 0.0
     freedom: float = 0.0
     scales: object = None
-    strengths: dict = dataclasses.field(default_factory=dict)
+    sizes: dict = dataclasses.field(default_factory=dict)
+    theta: object = None
 
     @property
     def free_kinds(self):
@@ -33,19 +35,26 @@ class FakeModel:
 
     @property
     def functions(self):
-        return [
-            types.SimpleNamespace(name=kind, strength=self.strengths.get(kind, 1.0))
-            for kind in self.free_kinds
-        ]
+        return [FakeFunction(kind, self.sizes.get(kind, 1.0)) for kind in self.kinds]
 
     def without(self, task, *gone):
         return FakeModel(tuple(kind for kind in self.kinds if kind not in gone))
 
 
+class FakeFunction(NamedTuple):
+    """A free function that is nothing but its name and its size."""
+
+    name: str
+    rms: float
+
+    def size(self, flown):
+        return self.rms
+
+
 class FakeSearch:
     """Fits of sets of kinds: what a function gains counts once, whatever it is by."""
 
-    task = None
+    task = types.SimpleNamespace(records=())
 
     def __init__(self, evidence, shares):
         self._functions = FAMILIES.keys() & evidence.keys()
@@ -81,20 +90,23 @@ class Alike:
         return [0.0 for _ in more]
 
 
-def names(evidence, shares=(), strengths=()):
+def names(evidence, shares=(), sizes=()):
     """Returns the names of effects by their evidence.
 
     `shares` are those of a free function, which gains 100, that formulas explain;
-    `strengths` those of free functions that have not 1.
+    `sizes` those of free functions that have not 1.
     """
     search = FakeSearch(evidence, dict(shares))
 
     def fit_model(task, model, **options):
         return search.fit(model)
 
-    with mock.patch.object(tracing, "fit_model", fit_model):
+    with (
+        mock.patch.object(tracing, "fit_model", fit_model),
+        mock.patch.object(tracing, "flown_values"),
+    ):
         model = search.fit(FakeModel(tuple(evidence)))
-        model = dataclasses.replace(model, strengths=dict(strengths))
+        model = dataclasses.replace(model, sizes=dict(sizes))
         return tracing._names_of(search, model, evidence)
 
 
@@ -144,13 +156,13 @@ def test_what_stands_for_errors_of_free_functions_has_no_name():
     assert found == {LIFT: UNEXPLAINED}
 
 
-def test_a_function_of_the_least_strength_has_a_name_alone():
-    """Beside another it stands for what that leaves."""
-    shares, weak = {(PAIR, "dynamic_stall"): 0.9}, {PAIR: RESOLVED}
-    assert names({PAIR: 86.0}, shares, weak) == {PAIR: "dynamic_stall"}
+def test_a_function_of_next_to_no_size_has_a_name_alone():
+    """Beside a larger one it stands for what that leaves."""
+    shares, small = {(PAIR, "dynamic_stall"): 0.9}, {PAIR: 1.9 * RESOLVED}
+    assert names({PAIR: 86.0}, shares, small) == {PAIR: "dynamic_stall"}
     both = {PAIR: 86.0, WAKE: 422.0}
     assert names(both, shares) == {PAIR: "dynamic_stall", WAKE: UNEXPLAINED}
-    assert names(both, shares, weak) == {WAKE: UNEXPLAINED}
+    assert names(both, shares, small) == {WAKE: UNEXPLAINED}
 
 
 def test_formulas_at_a_link_may_explain_functions_of_more_variables():
