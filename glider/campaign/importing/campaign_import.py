@@ -279,9 +279,6 @@ def cut_recordings(
         servo_logs += [log for _, log in own[-1:]]  # Flights of a log share it.
         noted = dict.fromkeys([*notes, *track.notes])
         cuts.append(_CutRecording(track.path, tuple(pieces), tuple(noted)))
-    for table in tables:
-        time = table.groups[0].columns["time"]
-        table.groups[0].columns["time"] = Column(time.values - time.values[0])
     servo = max(servo_logs, key=lambda log: log.clock_std, default=settings.servo)
     shown = tuple(words for words in (*warnings, jittering) if words)
     campaign = dataclasses.replace(settings, servo=servo, notes=shown)
@@ -300,7 +297,8 @@ def _make_table(
     flight = turn_along(dataclasses.replace(piece, servo=track.servo))
     pitch, sideways = angles_of(flight)
     x, y, z = flight.position.T
-    columns = {"time": flight.time, "x": x, "z": z, "pitch": within_pi(pitch)}
+    since = flight.time - flight.time[0]
+    columns = {"time": since, "x": x, "z": z, "pitch": within_pi(pitch)}
     if sideways is not None:
         roll, yaw = within_pi(sideways.T)
         columns |= {"y": y, "roll": roll, "yaw": yaw}

@@ -43,17 +43,16 @@ _MIN_ROWS = 20
 
 
 class _Drive(NamedTuple):
-    """What drives a body, at k rows that have a cubic."""
+    """What drives a body, at n rows; those without a cubic have that of the next."""
 
-    time: np.ndarray  #: (k,) [s]
-    speed: np.ndarray  #: (k,) [m/s]
-    way: np.ndarray  #: (k,) since the first row [m].
-    energy: np.ndarray  #: (k,) of height and speed [J/kg].
-    push: np.ndarray  #: (k,) force along the path, without gravity [m/s²].
+    time: np.ndarray  #: (n,) [s]
+    speed: np.ndarray  #: (n,) [m/s]
+    way: np.ndarray  #: (n,) since the first row [m].
+    energy: np.ndarray  #: (n,) of height and speed [J/kg].
+    push: np.ndarray  #: (n,) force along the path, without gravity [m/s²].
 
-    def between(self, begin: float, end: float) -> "_Drive":
-        """The rows of a time."""
-        rows = (self.time >= begin) & (self.time <= end)
+    def take(self, rows: np.ndarray | slice) -> "_Drive":
+        """Some of the rows."""
         return _Drive(*(values[rows] for values in self))
 
 
@@ -73,16 +72,17 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
     flights = []
     notes = [*track.notes]
     drive = _calc_drive(seen, gravity)
-    parts = _find_parts(seen, drive)
+    parts = _find_parts(drive)
     for first, last in parts:
-        part = take(seen, slice(first, last + 1))
+        rows = slice(first, last + 1)
+        part = take(seen, rows)
         margin = 0.0
         if part.time[-1] < track.time[-1]:
             margin = _BEFORE_CONTACT
             if np.any(seen.time[last + 1 : last + 2] - part.time[-1] <= _MAX_GAP):
                 # It is slow; the cubics see a stop up to half of their span late.
                 margin += 0.5 * SPAN
-        found = _find_flight(part, drive, gravity, margin)
+        found = _find_flight(part, drive.take(rows), gravity, margin)
         if isinstance(found, Track):
             flights.append(found)
         else:
@@ -104,24 +104,24 @@ def _calc_drive(track: Track, gravity: float) -> _Drive:
     speed = np.linalg.norm(motion.velocity, axis=1)
     force = motion.acceleration + np.array([0.0, 0.0, gravity])
     steps = np.diff(motion.time, prepend=motion.time[:1])
-    return _Drive(
-        time=motion.time,
-        speed=speed,
-        way=np.cumsum(speed * steps),
-        energy=gravity * motion.pose[:, 2] + 0.5 * speed**2,
-        push=np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3),
+    each = (
+        speed,
+        np.cumsum(speed * steps),
+        gravity * motion.pose[:, 2] + 0.5 * speed**2,
+        np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3),
     )
+    if not len(speed):
+        return _Drive(track.time, *np.zeros((4, len(track.time))))
+    own = (np.interp(track.time, motion.time, values) for values in each)
+    return _Drive(track.time, *own)
 
 
-def _find_parts(track: Track, drive: _Drive) -> list[tuple[int, int]]:
+def _find_parts(drive: _Drive) -> list[tuple[int, int]]:
     """First and last row of each part in which the body is seen and moves."""
-    time = track.time
-    if not len(drive.time):
-        return []
-    # The ends of a block have no cubic of their own.
-    moves = np.interp(time, drive.time, drive.speed) > _SLOWEST
+    time = drive.time
+    moves = drive.speed > _SLOWEST
     gaps = np.flatnonzero(np.diff(time) > _MAX_GAP) + 1
-    breaks = [gap for gap in gaps if not _flies_on(time[gap - 1], time[gap], drive)]
+    breaks = [gap for gap in gaps if not _flies_on(drive.take(slice(gap - 1, gap + 1)))]
     parts = []
     for block in np.split(np.arange(len(time)), breaks):
         if len(block) >= _MIN_ROWS:
@@ -131,21 +131,17 @@ def _find_parts(track: Track, drive: _Drive) -> list[tuple[int, int]]:
     return parts
 
 
-def _flies_on(begin: float, end: float, drive: _Drive) -> bool:
-    """Whether the body flies before and after a gap, and between.
+def _flies_on(gap: _Drive) -> bool:
+    """Whether the body flies before and after a gap, the rows beside it, and between.
 
     A hand that caught and threw it again took as long as a throw; one that threw it
     gave it energy, as in `_find_release`.
     """
-    sides = drive.between(begin - 2.0 * SPAN, end + 2.0 * SPAN)
-    before = np.flatnonzero(sides.time <= begin)
-    after = np.flatnonzero(sides.time >= end)
-    if end - begin > _THROW or not (len(before) and len(after)):
-        return False
-    ends = [before[-1], after[0]]
-    way = np.ptp(sides.way[ends])
-    gained = np.diff(sides.energy[ends])[0]
-    return bool(min(sides.speed[ends]) > _SLOWEST and gained <= 0.5 * _PUSH * way)
+    time, speed, way, energy, _ = gap
+    gained = energy[1] - energy[0]
+    is_short = time[1] - time[0] <= _THROW
+    flies = min(speed) > _SLOWEST and gained <= 0.5 * _PUSH * (way[1] - way[0])
+    return bool(is_short and flies)
 
 
 def _find_flight(
@@ -155,14 +151,13 @@ def _find_flight(
 
     The margin is the time before the part's end that is cut at least [s].
     """
-    own = drive.between(*part.span)
-    if len(own.time) < 8:
+    if len(part.time) < _MIN_ROWS:
         return "too short for a flight"
-    if np.max(own.speed) < _FASTEST:
-        return f"never faster than {np.max(own.speed):.2g} m/s: carried, or rolling"
+    if np.max(drive.speed) < _FASTEST:
+        return f"never faster than {np.max(drive.speed):.2g} m/s: carried, or rolling"
     begin = part.time[0]
     start = "the body is seen from here on"
-    release = _find_release(own)
+    release = _find_release(drive)
     if release is not None:
         begin = release + _AFTER_RELEASE
         start = f"a hand lets go at {release:.3f} s"
@@ -180,8 +175,8 @@ def _find_flight(
     flight = take(free, free.time <= end + 1e-9)
     if len(flight.time) < _MIN_ROWS or np.ptp(flight.time) < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
-    flown = own.between(begin, end)
-    if not len(flown.time) or np.median(flown.push) > _FREE:
+    flown = drive.take((drive.time >= begin) & (drive.time <= end))
+    if np.median(flown.push) > _FREE:
         return "something pushes it throughout"
     lost = flown.energy[0] - flown.energy[-1]
     way = np.ptp(flown.way)

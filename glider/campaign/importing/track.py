@@ -24,7 +24,7 @@ from glider.campaign.importing.recording import (
     scale_of,
     spell,
 )
-from glider.campaign.importing.splitting import FEWEST_ROWS, find_restarts
+from glider.campaign.importing.splitting import FEWEST_ROWS
 from glider.campaign.settings import (
     QUANTITIES,
     Frame,
@@ -387,16 +387,15 @@ class _Picker:
         values = values[known]
         before = np.maximum.accumulate(np.r_[-np.inf, time])[:-1]
         ahead = time > before
-        starts = find_restarts(time)
-        if starts or (len(ahead) and np.mean(ahead) < 0.9):
-            row = starts[0] if starts else int(np.argmin(ahead))
+        late = int(np.sum(~ahead))
+        if late > 0.1 * len(ahead):
+            row = int(np.argmin(ahead))
             raise self._error(
                 "time",
                 f"it does not increase at value {row + 1} ({time[row]:.9g} s); "
                 "expected the rows in the order of their times, and as many restarts "
                 "in each table",
             )
-        late = int(np.sum(~ahead))
         even = _without_rounding(time[ahead])
         return Stream(even, values[ahead], group.clock, late)
 
