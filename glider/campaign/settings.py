@@ -38,7 +38,14 @@ _PRESETS: dict[str, dict[str, str]] = {
     "ENU": {"up": "z", "nose": "x", "top": "z", "pitch": "nose_down"},
 }
 _ELEVATOR = ("trailing_edge_up", "trailing_edge_down")
-_ANGLES = frozenset({"roll", "pitch", "yaw"})
+EULER = ("roll", "pitch", "yaw")  #: About x, y and z.
+SHAPES = {
+    "attitude": ("012345678", "xyzw", "0123", "xyz", "012"),
+    "position": ("xyz", "012"),
+}
+"""Axes that the columns of a vector may have: letters, or indices."""
+INSTEAD = dict.fromkeys("xyz", "position") | dict.fromkeys(EULER, "attitude")
+"""Quantities that make others needless."""
 _ROTATIONS = ("wxyz", "xyzw", "rotation_vector")
 FRAME_CHOICES = {
     "up": (AXES, "the axis of the log that points up"),
@@ -270,11 +277,10 @@ def _check_columns(columns: dict[str, Names | Markers]) -> None:
         is_list = isinstance(value, list) and name in ("time", "position", "attitude")
         fits = isinstance(value, str) or is_list or name == "attitude"
         expect(fits, f"columns: field '{name}'", value, "the name of a column")
-    beside = dict.fromkeys("xyz", "position") | dict.fromkeys(_ANGLES, "attitude")
-    beside["elevator_rate_command"] = "elevator_angle_command"
+    beside = INSTEAD | {"elevator_rate_command": "elevator_angle_command"}
     for name in sorted(columns):
         why = f"beside '{beside[name]}'" if beside.get(name) in columns else ""
-        if name in ("roll", "yaw") and not columns.keys() >= _ANGLES:
+        if name in ("roll", "yaw") and not columns.keys() >= {*EULER}:
             why = why or "without all of roll, pitch and yaw"
         if why:
             words = f"columns: '{name}' has no effect {why}; expected no such field."

@@ -8,12 +8,11 @@ moment is one flight: in a gap too short for another throw it has gained no ener
 """
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 
 from glider.campaign.checks.masks import find_repeats, stretches
-from glider.campaign.checks.motion import SPAN, calc_motion, robust_std
+from glider.campaign.checks.motion import PUSH, SPAN, Drive, calc_drive, robust_std
 from glider.campaign.checks.rows import FILLED, find_filled, find_stale
 from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
@@ -32,7 +31,6 @@ _MAX_GAP = 0.1
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
 _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
-_PUSH = 6.0  # Force along the path that only a hand exerts [m/s²].
 _FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
 _THROW = 0.5  # Time before its release in which a hand has accelerated the body [s].
 _AFTER_RELEASE = 0.05  # Also cut after the hand lets go: fingers touch the tail [s].
@@ -40,20 +38,6 @@ _BEFORE_CONTACT = 0.06  # Time before a contact that is cut as well [s].
 _STOPPED = 0.75  # Part of its speed that a body keeps at most that slides.
 _SHORTEST = 0.2  # Duration of a flight, at least [s].
 _MIN_ROWS = 20
-
-
-class _Drive(NamedTuple):
-    """What drives a body, at n rows; those without a cubic have that of the next."""
-
-    time: np.ndarray  #: (n,) [s]
-    speed: np.ndarray  #: (n,) [m/s]
-    way: np.ndarray  #: (n,) since the first row [m].
-    energy: np.ndarray  #: (n,) of height and speed [J/kg].
-    push: np.ndarray  #: (n,) force along the path, without gravity [m/s²].
-
-    def take(self, rows: np.ndarray | slice) -> "_Drive":
-        """Some of the rows."""
-        return _Drive(*(values[rows] for values in self))
 
 
 def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
@@ -71,7 +55,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
         return [], [f"the poses were logged every {step:.3g} s; {expected}"]
     flights = []
     notes = [*track.notes]
-    drive = _calc_drive(seen, gravity)
+    drive = calc_drive(seen.time, seen.position, gravity)
     parts = _find_parts(drive)
     for first, last in parts:
         rows = slice(first, last + 1)
@@ -98,25 +82,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
     return flights, notes
 
 
-def _calc_drive(track: Track, gravity: float) -> _Drive:
-    """What drives the body of a recording."""
-    motion = calc_motion(track.time, track.position)
-    speed = np.linalg.norm(motion.velocity, axis=1)
-    force = motion.acceleration + np.array([0.0, 0.0, gravity])
-    steps = np.diff(motion.time, prepend=motion.time[:1])
-    each = (
-        speed,
-        np.cumsum(speed * steps),
-        gravity * motion.pose[:, 2] + 0.5 * speed**2,
-        np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3),
-    )
-    if not len(speed):
-        return _Drive(track.time, *np.zeros((4, len(track.time))))
-    own = (np.interp(track.time, motion.time, values) for values in each)
-    return _Drive(track.time, *own)
-
-
-def _find_parts(drive: _Drive) -> list[tuple[int, int]]:
+def _find_parts(drive: Drive) -> list[tuple[int, int]]:
     """First and last row of each part in which the body is seen and moves."""
     time = drive.time
     moves = drive.speed > _SLOWEST
@@ -131,7 +97,7 @@ def _find_parts(drive: _Drive) -> list[tuple[int, int]]:
     return parts
 
 
-def _flies_on(gap: _Drive) -> bool:
+def _flies_on(gap: Drive) -> bool:
     """Whether the body flies before and after a gap, the rows beside it, and between.
 
     A hand that caught and threw it again took as long as a throw; one that threw it
@@ -140,12 +106,12 @@ def _flies_on(gap: _Drive) -> bool:
     time, speed, way, energy, _ = gap
     gained = energy[1] - energy[0]
     is_short = time[1] - time[0] <= _THROW
-    flies = min(speed) > _SLOWEST and gained <= 0.5 * _PUSH * (way[1] - way[0])
+    flies = min(speed) > _SLOWEST and gained <= 0.5 * PUSH * (way[1] - way[0])
     return bool(is_short and flies)
 
 
 def _find_flight(
-    part: Track, drive: _Drive, gravity: float, margin: float
+    part: Track, drive: Drive, gravity: float, margin: float
 ) -> Track | str:
     """The flight in a part in which the body moves throughout, or why there is none.
 
@@ -188,18 +154,18 @@ def _find_flight(
     return dataclasses.replace(flight, why=f"{start}; {stop}")
 
 
-def _find_release(drive: _Drive) -> float | None:
+def _find_release(drive: Drive) -> float | None:
     """Time at which the hand lets go [s]; None where no hand is seen.
 
     A hand has given the body energy until then. A force that noise or a gust shows for
     a moment has not.
     """
     time, _, way, energy, push = drive
-    pushed = np.flatnonzero(push[: np.argmax(energy) + 1] > _PUSH)
+    pushed = np.flatnonzero(push[: np.argmax(energy) + 1] > PUSH)
     for last in pushed[::-1]:
         free = last + int(np.argmax(push[last:] < _FREE))
         first = int(np.searchsorted(time, time[free] - _THROW))
-        if energy[free] - energy[first] > 0.5 * _PUSH * (way[free] - way[first]):
+        if energy[free] - energy[first] > 0.5 * PUSH * (way[free] - way[first]):
             return float(time[free])
     return None
 

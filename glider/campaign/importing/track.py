@@ -26,7 +26,9 @@ from glider.campaign.importing.recording import (
 )
 from glider.campaign.importing.splitting import FEWEST_ROWS
 from glider.campaign.settings import (
+    EULER,
     QUANTITIES,
+    SHAPES,
     Frame,
     Mapping,
     Markers,
@@ -38,10 +40,7 @@ from glider.errors import InputError, expect
 _SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
 _ROUNDED = (0.01, 1e-3, 1e-4)  # Last digits of times that are rounded [s].
 _LONGEST = 0.05  # Step of a log above which commands are logged at changes only [s].
-_EULER = ("roll", "pitch", "yaw")  # About x, y and z.
-_POINT = ("xyz", "012")  # Axes of vectors: letters, or indices.
-_PLANE = (*_POINT, "xy", "xz", "01")
-_TURN = ("012345678", "xyzw", "0123", *_POINT)
+_PLANE = (*SHAPES["position"], "xy", "xz", "01")  # Points in space, or in a plane.
 _SAME_TIME = 1e-6  # Time between rows at the same time [s].
 _MAX_GAP = 0.1  # Time between two attitudes above which none is interpolated [s].
 
@@ -231,8 +230,8 @@ class _Picker:
             pitch = points._replace(values=-np.arctan2(ahead[:, [2]], ahead[:, [0]]))
         elif name is not None:
             return self._rotations(name), True
-        elif self._columns.keys() >= set(_EULER):
-            angles = self._scalars(*_EULER)
+        elif self._columns.keys() >= set(EULER):
+            angles = self._scalars(*EULER)
             return self._by_angles(angles, frame.rotation or "ZYX"), True
         else:
             pitch = self._scalars("pitch")
@@ -273,7 +272,7 @@ class _Picker:
 
     def _rotations(self, name: Names) -> Stream:
         """Rotations (n, 9) of the columns of an attitude."""
-        axes, found = self._find("attitude", name, _TURN)
+        axes, found = self._find("attitude", name, SHAPES["attitude"])
         stream = self._stream(("attitude",) * len(axes), found).known()
         rotation = self._mapping.frame.rotation
         if len(axes) == 9:
