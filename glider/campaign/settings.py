@@ -155,7 +155,7 @@ class Frame:
 
 
 @dataclasses.dataclass(frozen=True)
-class Mapping:
+class ColumnMapping:
     """How a log becomes flights."""
 
     source: str  #: The file that says so.
@@ -253,13 +253,13 @@ class Settings:
             servo=self.servo,
         )
 
-    def mapping(self, source: str) -> Mapping | None:
+    def mapping(self, source: str) -> ColumnMapping | None:
         """How logs are mapped; None where no field says so."""
         parts = (self.columns, self.units, self.frame, self.clock, self.join)
         if all(part is None for part in parts):
             return None
         assert not isinstance(self.frame, str)
-        return Mapping(
+        return ColumnMapping(
             source=source,
             columns=self.columns or {},
             units=self.units or {},
@@ -290,7 +290,7 @@ def _check_columns(columns: dict[str, Names | Markers]) -> None:
         expect(named.count(own) == 1, "columns: two quantities", own, "two columns")
 
 
-def read_settings(file: Path) -> tuple[Campaign, Mapping | None]:
+def read_settings(file: Path) -> tuple[Campaign, ColumnMapping | None]:
     """Reads a campaign without flights, and how its logs are mapped if they are."""
     settings = schema.load_yaml(Settings, file, "a campaign.yaml or a MAP file")
     return settings.campaign(file.parent), settings.mapping(str(file))

@@ -1,4 +1,4 @@
-"""Velocity and acceleration of a log without a model: local cubics."""
+"""Velocity and acceleration of a log without a model, and what drives it: cubics."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

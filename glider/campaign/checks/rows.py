@@ -164,7 +164,7 @@ def _pose_faults(flight: Flight, scale: np.ndarray) -> dict[str, np.ndarray]:
     usable = ~(unknown | again | frozen | filled | turned)
     standing = _find_standing(flight, usable)
     usable &= ~standing
-    own = _measure_noise(time[usable], pose[usable])
+    own = measure_noise(time[usable], pose[usable])
     track = Rows(time, pose, np.clip(own, scale[0], 3.0 * scale[0]))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
@@ -196,7 +196,7 @@ def _find_turned_over(flight: Flight) -> np.ndarray:
     return turned if np.mean(turned) < 0.5 else ~turned
 
 
-def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+def measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Standard deviations (k,) of the noise of columns (n, k)."""
     differences, _ = fourth_differences(time, values)
     return robust_std(differences) if len(differences) else np.zeros(values.shape[1])
@@ -211,7 +211,7 @@ def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     steps = []
     for time, values in logs:
         fresh = np.isfinite(values).all(axis=1) & ~find_repeats(values, 2)
-        noises.append(_measure_noise(time[fresh], values[fresh]))
+        noises.append(measure_noise(time[fresh], values[fresh]))
         steps.append(np.diff(values[fresh], 2, axis=0))
     sizes = np.round(np.abs(np.concatenate(steps)), _DECIMALS)
     digits = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
@@ -273,7 +273,7 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
     angles = np.concatenate([elevator.angle for elevator in elevators])
     low, high = campaign.elevator_limits or (np.min(angles), np.max(angles))
     servo = LateServo(float(low), float(high))
-    noises = [_measure_noise(each.seen, each.angle[:, None]) for each in elevators]
+    noises = [measure_noise(each.seen, each.angle[:, None]) for each in elevators]
     surely = _SURELY * float(np.median(noises))
     faults = {}
     for elevator in elevators:

@@ -24,7 +24,7 @@ from glider.campaign.importing.track import (
     planar_pose,
     turn_along,
 )
-from glider.campaign.settings import Mapping
+from glider.campaign.settings import ColumnMapping
 from glider.errors import InputError
 
 _STEP = 0.01  # Between the offsets that are tried [s].
@@ -69,7 +69,7 @@ class _Offset(NamedTuple):
 
 
 def join_clocks(
-    tracks: list[Track], flights: list[list[Track]], mapping: Mapping
+    tracks: list[Track], flights: list[list[Track]], mapping: ColumnMapping
 ) -> tuple[list[Track], tuple[str, ...]]:
     """Shifts the servos' logs of recordings onto the poses' clocks; and warnings."""
     clock = mapping.clock

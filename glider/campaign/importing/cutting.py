@@ -12,9 +12,9 @@ import dataclasses
 import numpy as np
 
 from glider.campaign.checks.masks import find_repeats, stretches
-from glider.campaign.checks.motion import PUSH, SPAN, Drive, calc_drive, robust_std
-from glider.campaign.checks.rows import FILLED, find_filled, find_stale
-from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
+from glider.campaign.checks.motion import PUSH, SPAN, Drive, calc_drive
+from glider.campaign.checks.rows import FILLED, find_filled, find_stale, measure_noise
+from glider.campaign.checks.smoothness import Rows, find_one_motion
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
 
 _BEST_GLIDE = 60.0
@@ -173,10 +173,7 @@ def _find_release(drive: Drive) -> float | None:
 def _find_contact(flight: Track) -> float | None:
     """Time at which the velocity jumps [s]; None where it does not."""
     pose = planar_pose(turn_along(flight))
-    differences, _ = fourth_differences(flight.time, pose)
-    if not len(differences):
-        return None
-    rows = Rows(flight.time, pose, robust_std(differences))
+    rows = Rows(flight.time, pose, measure_noise(flight.time, pose))
     faulty = np.any(find_one_motion(rows, np.ones(len(pose), dtype=bool)), axis=0)
     same = np.flatnonzero(~faulty)
     if len(same) and flight.time[same[0]] - flight.time[0] > _SHORTEST:

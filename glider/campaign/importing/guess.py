@@ -35,7 +35,7 @@ from glider.campaign.settings import (
     INSTEAD,
     QUANTITIES,
     SHAPES,
-    Mapping,
+    ColumnMapping,
     Settings,
     Vehicle,
 )
@@ -109,7 +109,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     reasons = {} if is_px4 else _guess_units(recordings, columns)
     units = {kind: yaml.safe_load(unit) for kind, (unit, _) in reasons.items()}
 
-    def claim(frame: _Fields) -> Mapping:
+    def claim(frame: _Fields) -> ColumnMapping:
         return _make_mapping(columns=columns, units=units, frame=frame)
 
     ranked = [({"axes": "NED"}, 1.0)]
@@ -153,7 +153,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     return Guess(text, campaign, probability)
 
 
-def _make_mapping(**fields: Any) -> Mapping:
+def _make_mapping(**fields: Any) -> ColumnMapping:
     """The mapping that some fields of a MAP file are."""
     mapping = schema.convert(fields, Settings, "the guess").mapping("the guess")
     assert mapping is not None
@@ -196,7 +196,7 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
     return found[:_MAX_FILES], []
 
 
-def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
+def _make_campaign(recordings: Sequence[Recording], claim: ColumnMapping) -> Campaign:
     """What a mapping makes of recordings."""
     servo = any(name.startswith("elevator") for name in claim.columns)
     kind = "servo" if servo else "fixed"

@@ -29,8 +29,8 @@ from glider.campaign.settings import (
     EULER,
     QUANTITIES,
     SHAPES,
+    ColumnMapping,
     Frame,
-    Mapping,
     Markers,
     Names,
     unit_vector,
@@ -106,7 +106,7 @@ class Track:
         return float(self.time[0]), float(self.time[-1])
 
 
-def make_track(recording: Recording, mapping: Mapping) -> Track:
+def make_track(recording: Recording, mapping: ColumnMapping) -> Track:
     """Turns a recording into the axes and signs of this project."""
     frame = mapping.frame
     pick = _Picker(recording, mapping)
@@ -202,7 +202,7 @@ def planar_pose(track: Track) -> np.ndarray:
 class _Picker:
     """Picks the quantities of a recording; refuses those that are not complete."""
 
-    def __init__(self, recording: Recording, mapping: Mapping) -> None:
+    def __init__(self, recording: Recording, mapping: ColumnMapping) -> None:
         self._recording = recording
         self._mapping = mapping
         self._columns = mapping.columns
