@@ -330,8 +330,8 @@ def _calc_travel(
 
     It is fitted with a delay and a lag, so that a slow servo keeps it, and without
     limits: those of commands in another unit are others. Specified limits, and those
-    that elevators reach, excuse a gain that is not one, if they fit better. The error
-    is what flights scatter by; it is infinite if the lag is too long.
+    that elevators reach, excuse a gain that is not one, if they fit clearly better. The
+    error is what flights scatter by; it is infinite if the lag is too long.
     """
     shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
     if not shown:
@@ -344,7 +344,8 @@ def _calc_travel(
         for own in (NO_LIMITS, limits, _reached(few))
     )
     off = abs(abs(free.servo.gain) - 1.0)
-    nearer = [fit for fit in excuses if abs(abs(fit.servo.gain) - 1.0) < off]
+    clearly = [f for f in excuses if f.likelihood > free.likelihood + LEAST_EVIDENCE]
+    nearer = [fit for fit in clearly if abs(abs(fit.servo.gain) - 1.0) < off]
     servo = max([free, *nearer], key=lambda fit: fit.likelihood).servo
     gain = abs(servo.gain)
     error = _SCATTER / math.sqrt(len(few))
