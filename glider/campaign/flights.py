@@ -13,7 +13,7 @@ import numpy as np
 from glider.campaign import logs
 from glider.campaign.importing.recording import Recording, scale_of
 from glider.campaign.logs import Campaign, Flight
-from glider.campaign.settings import QUANTITIES
+from glider.campaign.settings import EULER, QUANTITIES
 from glider.errors import InputError
 from glider.physics.parameters import MAX_ANGLE
 
@@ -21,9 +21,8 @@ _MIN_ROWS = 20
 _MIN_SPAN = 0.15  # Duration of a flight [s].
 _MAX_STEP = 1.0  # Median step of a pose log [s].
 _MAX_SPEED = 60.0  # Median over a flight [m/s].
-_ANGLES = ("pitch", "roll", "yaw")
 _BOUNDS = dict.fromkeys("xzy", (1000.0, "m, not millimeters"))
-_BOUNDS |= dict.fromkeys(_ANGLES, (MAX_ANGLE, "rad, not degrees; a tumble within ±pi"))
+_BOUNDS |= dict.fromkeys(EULER, (MAX_ANGLE, "rad, not degrees; a tumble within ±pi"))
 _BOUNDS["elevator"] = (MAX_ANGLE, "rad, not degrees")
 _BOUNDS["elevator_rate_command"] = (100.0, "rad/s, not degrees per second")
 """What columns of a flight are at most."""
@@ -88,7 +87,7 @@ def _make_flight(recording: Recording, name: str, campaign: Campaign) -> Flight:
         expected = "a time that is not after the row's, nor before the last"
         recording.refuse(bad, logs.COMMAND_TIME, expected)
     _check_units(recording, columns)
-    for angle in _ANGLES:
+    for angle in EULER:
         if angle in columns:
             columns[angle] = np.unwrap(columns[angle])
     attitude = [columns[name] for name in logs.ATTITUDE_COLUMNS if spatial]

@@ -14,7 +14,7 @@ from glider.campaign.importing.readers import read_recording
 from glider.campaign.importing.recording import Recording
 from glider.campaign.logs import Campaign
 from glider.campaign.samples import HOW_TO_IMPORT, campaign_folder
-from glider.campaign.settings import Mapping, read_settings
+from glider.campaign.settings import ColumnMapping, read_settings
 from glider.errors import InputError, expect, show
 
 
@@ -48,7 +48,7 @@ def load_campaign(
 
 
 def make_campaign(
-    campaign: Campaign, mapping: Mapping | None, recordings: Sequence[Recording]
+    campaign: Campaign, mapping: ColumnMapping | None, recordings: Sequence[Recording]
 ) -> Campaign:
     """Adds flights, one in each recording, in its own columns or as a mapping says."""
     if mapping is None:

@@ -38,7 +38,14 @@ _PRESETS: dict[str, dict[str, str]] = {
     "ENU": {"up": "z", "nose": "x", "top": "z", "pitch": "nose_down"},
 }
 _ELEVATOR = ("trailing_edge_up", "trailing_edge_down")
-_ANGLES = frozenset({"roll", "pitch", "yaw"})
+EULER = ("roll", "pitch", "yaw")  #: About x, y and z.
+SHAPES = {
+    "attitude": ("012345678", "xyzw", "0123", "xyz", "012"),
+    "position": ("xyz", "012"),
+}
+"""Axes that the columns of a vector may have: letters, or indices."""
+INSTEAD = dict.fromkeys("xyz", "position") | dict.fromkeys(EULER, "attitude")
+"""Quantities that make others needless."""
 _ROTATIONS = ("wxyz", "xyzw", "rotation_vector")
 FRAME_CHOICES = {
     "up": (AXES, "the axis of the log that points up"),
@@ -148,7 +155,7 @@ class Frame:
 
 
 @dataclasses.dataclass(frozen=True)
-class Mapping:
+class ColumnMapping:
     """How a log becomes flights."""
 
     source: str  #: The file that says so.
@@ -246,13 +253,13 @@ class Settings:
             servo=self.servo,
         )
 
-    def mapping(self, source: str) -> Mapping | None:
+    def mapping(self, source: str) -> ColumnMapping | None:
         """How logs are mapped; None where no field says so."""
         parts = (self.columns, self.units, self.frame, self.clock, self.join)
         if all(part is None for part in parts):
             return None
         assert not isinstance(self.frame, str)
-        return Mapping(
+        return ColumnMapping(
             source=source,
             columns=self.columns or {},
             units=self.units or {},
@@ -270,11 +277,10 @@ def _check_columns(columns: dict[str, Names | Markers]) -> None:
         is_list = isinstance(value, list) and name in ("time", "position", "attitude")
         fits = isinstance(value, str) or is_list or name == "attitude"
         expect(fits, f"columns: field '{name}'", value, "the name of a column")
-    beside = dict.fromkeys("xyz", "position") | dict.fromkeys(_ANGLES, "attitude")
-    beside["elevator_rate_command"] = "elevator_angle_command"
+    beside = INSTEAD | {"elevator_rate_command": "elevator_angle_command"}
     for name in sorted(columns):
         why = f"beside '{beside[name]}'" if beside.get(name) in columns else ""
-        if name in ("roll", "yaw") and not columns.keys() >= _ANGLES:
+        if name in ("roll", "yaw") and not columns.keys() >= {*EULER}:
             why = why or "without all of roll, pitch and yaw"
         if why:
             words = f"columns: '{name}' has no effect {why}; expected no such field."
@@ -284,7 +290,7 @@ def _check_columns(columns: dict[str, Names | Markers]) -> None:
         expect(named.count(own) == 1, "columns: two quantities", own, "two columns")
 
 
-def read_settings(file: Path) -> tuple[Campaign, Mapping | None]:
+def read_settings(file: Path) -> tuple[Campaign, ColumnMapping | None]:
     """Reads a campaign without flights, and how its logs are mapped if they are."""
     settings = schema.load_yaml(Settings, file, "a campaign.yaml or a MAP file")
     return settings.campaign(file.parent), settings.mapping(str(file))

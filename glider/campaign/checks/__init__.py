@@ -4,6 +4,6 @@ inspection: `inspect`, all checks in order. masks: what is excluded. motion: vel
 and acceleration of a log. forces: gravity and forces fitted to them, once for all
 checks, and the scales of lengths and times by gravity. rows, smoothness: faulty rows,
 and rows of no flight. frame: axes, units, signs, the direction of the fall. rates:
-clocks of rows and commands. servo: whether the elevator follows its commands, and how
-far. servo_forms, servo_fit: the servo that it follows. planarity: roll and yaw.
+clocks of rows and commands. servo: whether the elevator follows its commands.
+servo_forms, servo_fit: the servo that it follows, and how far. planarity: roll and yaw.
 """

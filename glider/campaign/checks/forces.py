@@ -106,7 +106,7 @@ class Motions:
     @functools.cached_property
     def joined(self) -> Motion:
         """All motions, one after the other."""
-        return _join(self.each)
+        return Motion(*map(np.concatenate, zip(*self.each, strict=True)))
 
     @functools.cached_property
     def fit(self) -> ForceFit:
@@ -128,11 +128,9 @@ class Motions:
 
         At the release: later a glider may loop, or slide on its tail.
         """
-        early = []
-        for each in self.each:
-            rows = each.time < each.time[:1] + START
-            early.append(Motion(*(values[rows] for values in each)))
-        motion = _join(early).with_pitch(sign)
+        early = [each.time < each.time[:1] + START for each in self.each]
+        rows = np.concatenate(early)
+        motion = Motion(*(v[rows] for v in self.joined)).with_pitch(sign)
         body, _ = motion.axes
         along = np.sum(motion.velocity[:, :2] * body, axis=1)
         weight = np.maximum(motion.speed, 1e-12)
@@ -147,11 +145,6 @@ def measure_motions(flights: Iterable[Flight], masks: Mapping[str, Masks]) -> Mo
         time = flight.time[usable]
         motions.append(calc_motion(time, flight.pose[usable], stride=_STRIDE))
     return Motions(tuple(motions))
-
-
-def _join(motions: Sequence[Motion]) -> Motion:
-    """Motions of flights one after the other."""
-    return Motion(*map(np.concatenate, zip(*motions, strict=True)))
 
 
 def fit_forces(

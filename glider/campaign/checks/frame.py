@@ -28,10 +28,10 @@ from glider.campaign.checks.rows import find_faults
 from glider.campaign.checks.servo import (
     Elevator,
     check_follows,
-    check_travel,
     follow_sign,
     measure_elevators,
 )
+from glider.campaign.checks.servo_forms import check_travel
 from glider.campaign.logs import Campaign
 from glider.physics.parameters import GliderParameters
 

@@ -1,4 +1,4 @@
-"""Velocity and acceleration of a log without a model: local cubics."""
+"""Velocity and acceleration of a log without a model, and what drives it: cubics."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,6 +9,9 @@ SPAN = 0.1
 """Duration that a cubic is fitted over [s]: at 120 Hz and 0.4 mm of noise it leaves
 0.3 m/s² in an acceleration."""
 
+PUSH = 6.0
+"""Force per mass along the path that only a hand exerts [m/s²]; wind, drag and a thrust
+of half the weight stay below."""
 _LONGEST = 1.5  # Duration of a window with missing rows over that of one without.
 
 
@@ -78,3 +81,36 @@ def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motio
         velocity=coefficients[:, 1] / scale,
         acceleration=2 * coefficients[:, 2] / scale**2,
     )
+
+
+class Drive(NamedTuple):
+    """What drives a body, at n rows; those without a cubic have that of the next."""
+
+    time: np.ndarray  #: (n,) [s]
+    speed: np.ndarray  #: (n,) [m/s]
+    way: np.ndarray  #: (n,) since the first row [m].
+    energy: np.ndarray  #: (n,) of height and speed [J/kg].
+    push: np.ndarray  #: (n,) force along the path, without gravity [m/s²].
+
+    def take(self, rows: np.ndarray | slice) -> "Drive":
+        """Some of the rows."""
+        return Drive(*(values[rows] for values in self))
+
+
+def calc_drive(time: np.ndarray, position: np.ndarray, gravity: float) -> Drive:
+    """What drives a body, by its positions (n, k), the last column its height [m]."""
+    motion = calc_motion(time, position)
+    speed = np.linalg.norm(motion.velocity, axis=1)
+    force = motion.acceleration.copy()
+    force[:, -1] += gravity
+    steps = np.diff(motion.time, prepend=motion.time[:1])
+    each = (
+        speed,
+        np.cumsum(speed * steps),
+        gravity * motion.pose[:, -1] + 0.5 * speed**2,
+        np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3),
+    )
+    if not len(speed):
+        return Drive(time, *np.zeros((4, len(time))))
+    own = (np.interp(time, motion.time, values) for values in each)
+    return Drive(time, *own)

@@ -18,7 +18,13 @@ from glider.campaign.checks.masks import (
     name_rows,
     stretches,
 )
-from glider.campaign.checks.motion import calc_motion, robust_std
+from glider.campaign.checks.motion import (
+    PUSH,
+    SPAN,
+    calc_drive,
+    calc_motion,
+    robust_std,
+)
 from glider.campaign.checks.planarity import body_axes
 from glider.campaign.checks.servo import LateServo, measure_elevators
 from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
@@ -55,9 +61,6 @@ turn by 0.14 at most from row to row, noise included."""
 _TURNING = 30.0  # Rate by which a body may turn that far, in a longer step [rad/s].
 _AT_REST = 0.15  # Speed below which a glider rests [m/s],
 _HELD = 5.0  # ... if less accelerates it: half of what a falling one has [m/s²].
-_HAND = 6.0
-"""Force per mass along the path, above that of the flight's second half, that only a
-hand exerts [m/s²]; wind, drag and a thrust of half the weight stay below."""
 _STOPPED = 0.25  # Share of flights ending in a contact above which all may.
 _AT_STOP = "pose: the last row before a contact, as most flights end in one"
 _HAND_GAIN = 1.3  # Ratio of the speeds when a hand lets go and at the log's start.
@@ -161,7 +164,7 @@ def _pose_faults(flight: Flight, scale: np.ndarray) -> dict[str, np.ndarray]:
     usable = ~(unknown | again | frozen | filled | turned)
     standing = _find_standing(flight, usable)
     usable &= ~standing
-    own = _measure_noise(time[usable], pose[usable])
+    own = measure_noise(time[usable], pose[usable])
     track = Rows(time, pose, np.clip(own, scale[0], 3.0 * scale[0]))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
@@ -193,7 +196,7 @@ def _find_turned_over(flight: Flight) -> np.ndarray:
     return turned if np.mean(turned) < 0.5 else ~turned
 
 
-def _measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+def measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Standard deviations (k,) of the noise of columns (n, k)."""
     differences, _ = fourth_differences(time, values)
     return robust_std(differences) if len(differences) else np.zeros(values.shape[1])
@@ -208,7 +211,7 @@ def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     steps = []
     for time, values in logs:
         fresh = np.isfinite(values).all(axis=1) & ~find_repeats(values, 2)
-        noises.append(_measure_noise(time[fresh], values[fresh]))
+        noises.append(measure_noise(time[fresh], values[fresh]))
         steps.append(np.diff(values[fresh], 2, axis=0))
     sizes = np.round(np.abs(np.concatenate(steps)), _DECIMALS)
     digits = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
@@ -270,7 +273,7 @@ def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
     angles = np.concatenate([elevator.angle for elevator in elevators])
     low, high = campaign.elevator_limits or (np.min(angles), np.max(angles))
     servo = LateServo(float(low), float(high))
-    noises = [_measure_noise(each.seen, each.angle[:, None]) for each in elevators]
+    noises = [measure_noise(each.seen, each.angle[:, None]) for each in elevators]
     surely = _SURELY * float(np.median(noises))
     faults = {}
     for elevator in elevators:
@@ -316,22 +319,14 @@ def find_hand(flight: Flight, usable: np.ndarray, gravity: float) -> np.ndarray:
     A thrust, wind or a tilted frame push throughout; a hand lets go. So the force
     along the path is compared with that of the flight's second half.
     """
-    held = np.zeros(len(usable), dtype=bool)
-    own = flight.time[usable]
-    motion = calc_motion(own, flight.pose[usable])
-    time = motion.time
-    if len(time) < 8:
-        return held
-    speed = np.maximum(motion.speed, 1e-3)
-    force = motion.acceleration[:, :2] + [0.0, gravity]
-    along = np.sum(force * motion.velocity[:, :2], axis=1) / speed
-    usual = max(float(np.median(along[len(along) // 2 :])), 0.0)
-    lets_go = along - usual <= _HAND
-    free = int(np.argmax(lets_go))
+    none = np.zeros(len(usable), dtype=bool)
+    if not usable.any():
+        return none
+    drive = calc_drive(flight.time[usable], flight.pose[usable, :2], gravity)
+    usual = max(float(np.median(drive.push[len(drive.push) // 2 :])), 0.0)
+    free = int(np.argmax(drive.push - usual <= PUSH))
     # First held, then free: 0 is also what `argmax` says of a glider held throughout.
-    if free == 0 or speed[free] < _HAND_GAIN * speed[0]:
-        return held
+    if free == 0 or drive.speed[free] < _HAND_GAIN * max(drive.speed[0], 1e-3):
+        return none
     # The cubics see the hand until their windows are past it.
-    half = time[0] - own[0]
-    held[flight.time <= time[free] + half] = True
-    return held
+    return flight.time <= drive.time[free] + 0.5 * SPAN

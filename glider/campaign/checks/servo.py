@@ -7,9 +7,6 @@ whose path has a delay of up to 0.35 s. The correlation of the changes over all 
 with either sign (a turned sign is traced later), says whether the elevator follows, and
 the delay whether both are on one clock: a delay, a lag or stops of the servo lower the
 correlation; another clock or another flight's commands remove it.
-
-The gain, by which the angles say whether both have one unit, is fitted with a delay and
-a lag, so that a slow servo keeps it, under feedback too, where commands answer its lag.
 """
 
 import math
@@ -17,10 +14,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brute
 
 from glider.campaign.checks.masks import Masks, masks_of
-from glider.campaign.checks.rates import claim_scale
 from glider.campaign.logs import Campaign, Flight
 from glider.compiled.actuators import LOOPS, elevator_path
 from glider.physics.held_commands import command_steps
@@ -30,7 +25,7 @@ _DELAYS = np.arange(-0.02, 0.355, 0.01)
 """Delays of the elevator that are tried [s]: command_delay and servo_lag are < 0.3."""
 _SHIFTS = np.arange(-1.5, 1.51, 0.01)  # Between clocks, for the message [s].
 _BOTH_WAYS = np.arange(-0.35, 0.3525, 0.005)  # Delays, to find which comes first [s].
-_WINDOW = 0.04  # Time over which a change is taken [s].
+WINDOW = 0.04  # Time over which a change is taken [s].
 _LEADS = 0.015
 """Lead above which an elevator moves before its commands [s]: no servo does. Measured:
 -0.03 to 0 in 20 campaigns; without a clock of the commands half a row is unknown."""
@@ -43,19 +38,6 @@ for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most 
 commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
 _MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
-
-_TRIED = slice(-0.02, 0.355, 0.02), slice(0.003, 0.4, 0.06)
-"""Delays and lags that are tried for the gain [s]: command_delay and servo_lag are less
-than 0.3 s."""
-_FEW = 8  # Flights that show a delay and a lag, about.
-_LONGEST_LAG = 0.36  # Lag above which the gain of a servo is unknown [s].
-_TRAVEL = (0.06, 0.2)
-"""Share by which the travel may be off; calibrated by bench_travel."""
-_SURELY = 5.0  # Standard errors of the gain that must be in it (bench_travel).
-_FEWEST_ROWS = 8  # Of a flight that shows a gain.
-_SCATTER = 0.065
-"""Standard deviation of the gain of one flight, as logs show commands a row late or not
-[-]: measured by bench_travel."""
 
 
 class CommandTape(NamedTuple):
@@ -96,6 +78,7 @@ class LateServo(NamedTuple):
     rate_by_load: float = 0.0  #: Share of the rate limit that it takes.
     play: float = 0.0  #: Free, of the elevator behind the servo [rad].
     slew: float = math.inf  #: Largest rate of coming after the commands [rad/s].
+    gain: float = 1.0  #: Of the elevator's travel.
 
     @property
     def even(self) -> "LateServo":
@@ -144,9 +127,12 @@ class Elevator(NamedTuple):
         It began at `rest`, or at the angle of the tape. For an uneven servo the times
         increase.
         """
-        limits = servo.limits
-        delay, lag, skew, *uneven = servo[3:]
         start = self.tape.rest if rest is None else rest
+        if servo.gain != 1.0:
+            path = self.follow(query, servo._replace(gain=1.0), start)
+            return start + servo.gain * (path - start)
+        limits = servo.limits
+        delay, lag, skew, *uneven, _ = servo[3:]
         tape = self.tape.switches + delay, self.tape.commands
         if servo == servo.even:
             return elevator_path(*tape, query, limits, time_constant=lag, start=start)
@@ -173,11 +159,11 @@ def measure_elevators(campaign: Campaign, masks: Mapping[str, Masks]) -> list[El
     return elevators
 
 
-def _windows_of(elevator: Elevator) -> tuple[np.ndarray, np.ndarray]:
+def windows_of(elevator: Elevator) -> tuple[np.ndarray, np.ndarray]:
     """Ends (2, k) of windows of an elevator's log [s], and its angles there [rad]."""
     seen = elevator.seen
-    begin = np.arange(seen[0], seen[-1] - _WINDOW, 0.5 * _WINDOW)
-    ends = np.stack([begin, begin + _WINDOW])
+    begin = np.arange(seen[0], seen[-1] - WINDOW, 0.5 * WINDOW)
+    ends = np.stack([begin, begin + WINDOW])
     return ends, np.interp(ends, seen, elevator.angle)
 
 
@@ -255,7 +241,7 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
     """
     if len(elevator.rows) < 2:
         return np.zeros((4, len(delays), 0))
-    ends, angles = _windows_of(elevator)
+    ends, angles = windows_of(elevator)
     time = elevator.time
     change = angles[1] - angles[0]
     late = delays[:, None]
@@ -267,63 +253,3 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
     is_known &= ~is_near.any(axis=0)
     one = np.ones_like(ordered)
     return np.stack([one * change**2, ordered * change, ordered**2, one]) * is_known
-
-
-def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str, ...]:
-    """Warns of an elevator that turns farther or less than commanded, or refuses it.
-
-    An elevator in another unit, or behind a gear, turns all commands into other forces.
-    """
-    if not elevators:
-        return ()
-    gain, error = _calc_travel(elevators, campaign.limits)
-    words = (
-        f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
-        "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
-    )
-    gain = max(gain, 1e-9)
-    return claim_scale(campaign, gain, _SURELY * error / gain, _TRAVEL, words)
-
-
-def _calc_travel(
-    elevators: Sequence[Elevator], limits: Servo = NO_LIMITS
-) -> tuple[float, float]:
-    """Measured over commanded travel without its sign, and its standard error.
-
-    Least squares, with the delay and the lag that fit best, without limits: those of
-    commands in another unit are others. Specified limits, and those that elevators
-    reach, excuse a gain that is not one, if they fit better. The error is what flights
-    scatter by; it is infinite if the lag is too long.
-    """
-    shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
-    if not shown:
-        return 0.0, math.inf
-    few = shown[:: max(1, len(shown) // _FEW)]
-
-    def fit(late: np.ndarray, own: Servo, few: list[Elevator]) -> tuple[float, float]:
-        """Squares that are left [rad²], and the gain."""
-        servo = LateServo(*own, float(late[0]), abs(float(late[1])))
-        angles = [each.angle - np.mean(each.angle) for each in few]
-        paths = [each.follow(each.seen, servo) for each in few]
-        angle = np.concatenate(angles)
-        path = np.concatenate([path - np.mean(path) for path in paths])
-        gain = float(angle @ path) / max(float(path @ path), 1e-30)
-        return float(np.sum((angle - gain * path) ** 2)), abs(gain)
-
-    fits = []
-    for own in (NO_LIMITS, limits, _reached(few)):
-        late = brute(lambda *given: fit(*given)[0], _TRIED, (own, few))
-        fits.append((*fit(late, own, shown), abs(late[1])))
-    free, *excuses = fits
-    nearer = [own for own in excuses if abs(own[1] - 1.0) < abs(free[1] - 1.0)]
-    _, gain, lag = min([free, *nearer])
-    error = _SCATTER / math.sqrt(len(shown))
-    return gain, math.inf if lag > _LONGEST_LAG and gain <= 1.0 else error
-
-
-def _reached(elevators: Sequence[Elevator]) -> Servo:
-    """Limits that elevators reach: where they end, and how fast they turn."""
-    angles = np.concatenate([each.angle for each in elevators])
-    changes = [np.diff(_windows_of(each)[1], axis=0) for each in elevators]
-    fastest = float(np.max(np.abs(np.concatenate(changes, axis=1)))) / _WINDOW
-    return Servo(float(np.min(angles)), float(np.max(angles)), fastest)

@@ -84,14 +84,16 @@ def identify_servo(
     if not elevators or Fit(servo=specified, elevators=elevators).explains:
         return campaign, ()
     plain = fit_servo(elevators, specified, log.command_std)
-    found, words = _find_cause(campaign, masks, plain)
+    found = _find_cause(campaign, masks, plain)
     told: tuple[str, ...] = ()
     if found.free and {*found.free} <= {*Servo._fields}:
         campaign, told = _with_limits(campaign, found.servo.limits)
         plain = found
         if found.explains:
             return campaign, told
-    elif plain.explains and not words:  # A delay and a lag are effects to be traced.
+    elif (
+        plain.explains and not found.cause
+    ):  # A delay and a lag are effects to be traced.
         return campaign, ()
     if found.servo == found.servo.even:  # A few flights may be odd, or lose commands.
         places = range(len(elevators))
@@ -99,7 +101,7 @@ def identify_servo(
         others = [place for place in places if place not in odd]
         if odd and others and plain.on(others).explains:
             plain, found = plain.on(odd), found.on(odd)
-    changed, sentence = _with_departures(campaign, plain, found, words)
+    changed, sentence = _with_departures(campaign, plain, found)
     return changed, (*told, sentence)
 
 
@@ -118,12 +120,10 @@ def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
     return [each for each in elevators if len(each.rows) >= _FEWEST_ROWS]
 
 
-def _find_cause(
-    campaign: Campaign, masks: Mapping[str, Masks], plain: Fit
-) -> tuple[Fit, str]:
-    """Finds what explains most of the departures from a plain servo, and its words.
+def _find_cause(campaign: Campaign, masks: Mapping[str, Masks], plain: Fit) -> Fit:
+    """Finds what explains most of the departures from a plain servo.
 
-    Limits have words of their own. It is the plain servo where nothing does.
+    It is the plain servo where nothing does.
     """
     command_std = campaign.servo.command_std
     even = plain
@@ -135,18 +135,14 @@ def _find_cause(
                 break
         even = _better(plain, limited[-1:] if limited[-1].explains else limited)
     loaded = with_loads(campaign, masks, plain.elevators)
-    causes = {}
+    causes = []
     for form in _UNEVEN:
         fit = fit_servo(loaded, plain.servo, command_std, form)
         if abs(getattr(fit.servo, form[-1])) > _SURELY * fit.std:
-            causes[fit] = _describe(fit)
+            causes.append(dataclasses.replace(fit, cause=_describe(fit)))
     if not any(fit.explains for fit in (even, *causes)):
-        lost, share = restore_lost(plain, command_std)
-        causes[lost] = f"loses about {100.0 * share:.2g} % of its commands"
-        rounded, step = find_step(plain, command_std)
-        causes[rounded] = f"rounds its commands, in steps of {step:.3g} rad/s"
-    best = _better(even, [*causes])
-    return best, causes.get(best, "")
+        causes += [restore_lost(plain, command_std), find_step(plain, command_std)]
+    return _better(even, causes)
 
 
 def _better(before: Fit, others: Sequence[Fit]) -> Fit:
@@ -207,13 +203,14 @@ def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str,
 
 
 def _with_departures(
-    campaign: Campaign, plain: Fit, uneven: Fit, cause: str
+    campaign: Campaign, plain: Fit, uneven: Fit
 ) -> tuple[Campaign, str]:
     """Returns the campaign with its elevators' departures from a plain servo.
 
     Without a cause, an uneven servo is the same.
     """
     servo = plain.servo
+    cause = uneven.cause
     if cause and uneven.free not in _LAGGING:
         servo = LateServo(*servo.limits, *uneven.servo[3:5])
     found = uneven.departures

@@ -13,10 +13,18 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from glider.campaign.checks.masks import Masks, masks_of
-from glider.campaign.checks.servo import Elevator, LateServo
-from glider.campaign.logs import Campaign
+from glider.campaign.checks.rates import claim_scale
+from glider.campaign.checks.servo import (
+    WINDOW,
+    Elevator,
+    LateServo,
+    calc_correlation,
+    windows_of,
+)
+from glider.campaign.logs import CLOCK_STD, Campaign
 from glider.campaign.smoothing import Smoothing, estimate_noise, smoothing_maps
 from glider.physics.parameters import GliderParameters
+from glider.physics.servo import NO_LIMITS, Servo
 
 LEAST_EVIDENCE = 6.0
 """Evidence above which a departure is no noise [nats]. By chance, half a chi-squared of
@@ -39,6 +47,16 @@ _DIFFERENCE = 1e-3  # Relative step of slopes.
 _BEFORE = 3  # Periods before a command that show where the elevator was.
 _AFTER = 1.5  # ... and after it, before the next, which may be lost too, turns far.
 _FINER = 21  # Steps between two that were tried.
+_MOST_GAIN = 1e3  # Of an elevator in another unit.
+_FEW = 20  # Flights that show a gain, about.
+_LONGEST_LAG = 0.36  # Lag above which the gain of a servo is unknown [s].
+_TRAVEL = (0.06, 0.2)
+"""Share by which the travel may be off; calibrated by bench_travel."""
+_SURELY = 5.0  # Standard errors of the gain that must be in it (bench_travel).
+_FEWEST_ROWS = 8  # Of a flight that shows a gain.
+_SCATTER = 0.065
+"""Standard deviation of the gain of one flight, as logs show commands a row late or not
+[-]: measured by bench_travel."""
 # Noise of measured angles, of which computed ones have none [rad] (c): finer steps are
 # not searched for.
 _LEAST_NOISE = 5e-4
@@ -53,6 +71,7 @@ class Fit:
     cost: float = 0.0  #: Of what was chosen beside delay, lag and `free` [nats].
     free: tuple[str, ...] = ()  #: Numbers that were fitted beside delay and lag.
     std: float = 0.0  #: Standard error of the last of them, from flight to flight.
+    cause: str = ""  #: Why elevators depart from a plain servo, in words.
 
     def on(self, places: Sequence[int]) -> "Fit":
         """The same of some of the elevators."""
@@ -113,6 +132,7 @@ def fit_servo(
     command_std: float,
     free: tuple[str, ...] = (),
     cost: float = 0.0,
+    cause: str = "",
 ) -> Fit:
     """Fits the delay and lag of a servo, and other numbers of it that are free.
 
@@ -136,6 +156,7 @@ def fit_servo(
         "rate_by_load": (0.0, 1.0, 0.3, 0.1),
         "play": (0.0, span, 0.01, 0.01),
         "slew": rates,
+        "gain": (-_MOST_GAIN, _MOST_GAIN, 1.0, 0.1),
     }
 
     def servo_of(numbers: np.ndarray) -> LateServo:
@@ -162,8 +183,16 @@ def fit_servo(
             max_nfev=_MOST_TRIES,
             f_scale=_USUAL_ERROR,
         )
-        fit = Fit(servo=servo_of(found.x), elevators=elevators, cost=cost, free=free)
-        fits.append(dataclasses.replace(fit, std=_std_of(found, elevators)))
+        fits.append(
+            Fit(
+                servo=servo_of(found.x),
+                elevators=elevators,
+                cost=cost,
+                free=free,
+                std=_std_of(found, elevators),
+                cause=cause,
+            )
+        )
     return max(fits, key=lambda fit: fit.likelihood)
 
 
@@ -177,11 +206,8 @@ def _std_of(found: OptimizeResult, elevators: Sequence[Elevator]) -> float:
     return float(np.linalg.norm(pulls @ gain))
 
 
-def restore_lost(plain: Fit, command_std: float) -> tuple[Fit, float]:
-    """Finds commands that a servo never got: it held the one before.
-
-    Also returns their share of all.
-    """
+def restore_lost(plain: Fit, command_std: float) -> Fit:
+    """Finds commands that a servo never got: it held the one before."""
     noise = plain.departures.noise
     elevators = plain.elevators
     held = [_held_instead(each, plain.servo, noise) for each in elevators]
@@ -189,9 +215,8 @@ def restore_lost(plain: Fit, command_std: float) -> tuple[Fit, float]:
     logged = np.concatenate([each.tape.commands for each in elevators])
     is_lost = np.concatenate(held) != logged
     cost = float(np.sum(is_lost)) * math.log(len(logged) / len(elevators))
-    return fit_servo(found, plain.servo, command_std, cost=cost), float(
-        np.mean(is_lost)
-    )
+    cause = f"loses about {100.0 * np.mean(is_lost):.2g} % of its commands"
+    return fit_servo(found, plain.servo, command_std, cost=cost, cause=cause)
 
 
 def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
@@ -219,8 +244,8 @@ def _held_instead(each: Elevator, servo: LateServo, noise: float) -> np.ndarray:
     return commands
 
 
-def find_step(plain: Fit, command_std: float) -> tuple[Fit, float]:
-    """Fits elevators behind rounded commands; also returns the step [rad/s]."""
+def find_step(plain: Fit, command_std: float) -> Fit:
+    """Fits elevators behind commands that are rounded by the steps that fit best."""
     commands = np.concatenate([each.tape.commands for each in plain.elevators])
 
     def behind(step: float) -> list[Elevator]:
@@ -239,9 +264,9 @@ def find_step(plain: Fit, command_std: float) -> tuple[Fit, float]:
         best = inverse[np.argmax([fit.likelihood for fit in fits])]
         inverse = best + apart * np.linspace(-0.5, 0.5, _FINER)
         apart *= 2.0 / (_FINER - 1)
-    return fit_servo(
-        behind(1.0 / best), plain.servo, command_std, cost=cost
-    ), 1.0 / best
+    found = behind(1.0 / best)
+    cause = f"rounds its commands, in steps of {1.0 / best:.3g} rad/s"
+    return fit_servo(found, plain.servo, command_std, cost=cost, cause=cause)
 
 
 def least_step(plain: Fit) -> float:
@@ -280,3 +305,56 @@ def with_loads(
     most = max(float(np.max(load)) for load in loads)
     pairs = zip(elevators, loads, strict=True)
     return [each._replace(load=load / most) for each, load in pairs]
+
+
+def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str, ...]:
+    """Warns of an elevator that turns farther or less than commanded, or refuses it.
+
+    An elevator in another unit, or behind a gear, turns all commands into other forces.
+    """
+    if not elevators:
+        return ()
+    gain, error = _calc_travel(elevators, campaign.limits)
+    words = (
+        f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
+        "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
+    )
+    gain = max(gain, 1e-9)
+    return claim_scale(campaign, gain, _SURELY * error / gain, _TRAVEL, words)
+
+
+def _calc_travel(
+    elevators: Sequence[Elevator], limits: Servo = NO_LIMITS
+) -> tuple[float, float]:
+    """Measured over commanded travel without its sign, and its standard error.
+
+    It is fitted with a delay and a lag, so that a slow servo keeps it, and without
+    limits: those of commands in another unit are others. Specified limits, and those
+    that elevators reach, excuse a gain that is not one, if they fit clearly better. The
+    error is what flights scatter by; it is infinite if the lag is too long.
+    """
+    shown = [elevator for elevator in elevators if len(elevator.rows) > _FEWEST_ROWS]
+    if not shown:
+        return 0.0, math.inf
+    few = shown[:: max(1, len(shown) // _FEW)]
+    _, delay = calc_correlation(few)
+    late = min(max(0.0, delay), _LONGEST[0])  # Not nan.
+    free, *excuses = (
+        fit_servo(few, LateServo(*own, late), CLOCK_STD, ("gain",))
+        for own in (NO_LIMITS, limits, _reached(few))
+    )
+    off = abs(abs(free.servo.gain) - 1.0)
+    clearly = [f for f in excuses if f.likelihood > free.likelihood + LEAST_EVIDENCE]
+    nearer = [fit for fit in clearly if abs(abs(fit.servo.gain) - 1.0) < off]
+    servo = max([free, *nearer], key=lambda fit: fit.likelihood).servo
+    gain = abs(servo.gain)
+    error = _SCATTER / math.sqrt(len(few))
+    return gain, math.inf if servo.lag > _LONGEST_LAG and gain <= 1.0 else error
+
+
+def _reached(elevators: Sequence[Elevator]) -> Servo:
+    """Limits that elevators reach: where they end, and how fast they turn."""
+    angles = np.concatenate([each.angle for each in elevators])
+    changes = [np.diff(windows_of(each)[1], axis=0) for each in elevators]
+    fastest = float(np.max(np.abs(np.concatenate(changes, axis=1)))) / WINDOW
+    return Servo(float(np.min(angles)), float(np.max(angles)), fastest)

@@ -16,7 +16,7 @@ import yaml
 
 from glider.campaign.checks.frame import calc_misfit
 from glider.campaign.importing.recording import UNITS, Recording
-from glider.campaign.settings import AXES, FRAME_CHOICES, QUANTITIES, Mapping
+from glider.campaign.settings import AXES, FRAME_CHOICES, QUANTITIES, ColumnMapping
 from glider.errors import InputError
 
 _MOST_RECORDINGS = 6  # That changes are tried on.
@@ -24,7 +24,7 @@ _MOST_ROWS = 20_000  # Of these: a hundred trials of them take 20 s.
 _AS_GOOD = 1.2  # Ratio of misfits below which two changes fit as well.
 ORDERS = ("XYZ", "ZYX", "YZX", "ZXY", "YXZ", "XZY")  # Of Euler angles.
 
-_Import = Callable[[Sequence[Recording], Mapping], Any]
+_Import = Callable[[Sequence[Recording], ColumnMapping], Any]
 """From recordings and a mapping to an ImportResult; InputError if refused."""
 
 
@@ -37,7 +37,10 @@ class _Passed(NamedTuple):
 
 
 def advise(
-    error: InputError, recordings: Sequence[Recording], claim: Mapping, run: _Import
+    error: InputError,
+    recordings: Sequence[Recording],
+    claim: ColumnMapping,
+    run: _Import,
 ) -> InputError:
     """Adds to a refusal which changes of the mapping pass all checks, if any do."""
     some = recordings[:_MOST_RECORDINGS]
@@ -61,7 +64,7 @@ def advise(
     return InputError(f"{str(error).rstrip('.')}; with {words} it passes all checks.")
 
 
-def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
+def _changes(claim: ColumnMapping, log: Recording) -> Iterator[tuple[str, Any]]:
     """Yields changes of one entry of a mapping: its part, and the new fields."""
     columns = claim.columns
     yield "clock", "find"
@@ -90,7 +93,7 @@ def _changes(claim: Mapping, log: Recording) -> Iterator[tuple[str, Any]]:
         yield "columns", {"x": columns["z"], "z": columns["x"]}
 
 
-def _changed(claim: Mapping, part: str, value: Any) -> Mapping:
+def _changed(claim: ColumnMapping, part: str, value: Any) -> ColumnMapping:
     """The mapping with a part changed; InputError where its fields exclude another."""
     if part == "frame":
         value = dataclasses.replace(claim.frame, **value)

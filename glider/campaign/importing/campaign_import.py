@@ -30,7 +30,7 @@ from glider.campaign.importing.track import (
     within_pi,
 )
 from glider.campaign.logs import Campaign, ServoLog
-from glider.campaign.settings import Mapping, read_settings
+from glider.campaign.settings import ColumnMapping, read_settings
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError, expect, printable
 from glider.files import schema
@@ -171,7 +171,7 @@ def read_flights(
     progress("cutting the flights out, checking their axes and signs")
     settings = dataclasses.replace(settings, path=Path(mapping))
 
-    def run(some: Sequence[Recording], claim: Mapping) -> ImportResult:
+    def run(some: Sequence[Recording], claim: ColumnMapping) -> ImportResult:
         result = cut_recordings(some, claim, settings)
         campaign = result.campaign
         if not campaign.flights:
@@ -191,7 +191,7 @@ def read_flights(
         raise advise(error, recordings, claim, run) from None
 
 
-def _check_order(recordings: Sequence[Recording], claim: Mapping) -> list[str]:
+def _check_order(recordings: Sequence[Recording], claim: ColumnMapping) -> list[str]:
     """Warns of an order of Euler angles where another is likelier; refuses others."""
     own = claim.frame.rotation or ("ZYX" if "roll" in claim.columns else None)
     if own not in ORDERS:
@@ -227,7 +227,7 @@ def as_files(files: Iterable[Path | str]) -> list[Path]:
 
 def cut_recordings(
     recordings: Sequence[Recording],
-    mapping: Mapping,
+    mapping: ColumnMapping,
     settings: Campaign,
     *,
     are_flights: bool = False,
@@ -279,9 +279,6 @@ def cut_recordings(
         servo_logs += [log for _, log in own[-1:]]  # Flights of a log share it.
         noted = dict.fromkeys([*notes, *track.notes])
         cuts.append(_CutRecording(track.path, tuple(pieces), tuple(noted)))
-    for table in tables:
-        time = table.groups[0].columns["time"]
-        table.groups[0].columns["time"] = Column(time.values - time.values[0])
     servo = max(servo_logs, key=lambda log: log.clock_std, default=settings.servo)
     shown = tuple(words for words in (*warnings, jittering) if words)
     campaign = dataclasses.replace(settings, servo=servo, notes=shown)
@@ -294,13 +291,14 @@ def cut_recordings(
 
 
 def _make_table(
-    track: Track, piece: Track, mapping: Mapping, settings: Campaign
+    track: Track, piece: Track, mapping: ColumnMapping, settings: Campaign
 ) -> tuple[Recording, ServoLog]:
     """A flight of a recording in a campaign's columns, and its servo's log."""
     flight = turn_along(dataclasses.replace(piece, servo=track.servo))
     pitch, sideways = angles_of(flight)
     x, y, z = flight.position.T
-    columns = {"time": flight.time, "x": x, "z": z, "pitch": within_pi(pitch)}
+    since = flight.time - flight.time[0]
+    columns = {"time": since, "x": x, "z": z, "pitch": within_pi(pitch)}
     if sideways is not None:
         roll, yaw = within_pi(sideways.T)
         columns |= {"y": y, "roll": roll, "yaw": yaw}
@@ -320,7 +318,7 @@ def _count(things: Sequence, what: str = "flight") -> str:
 
 
 def read_logs(
-    files: Sequence[Path], mapping: Mapping, progress: Progress
+    files: Sequence[Path], mapping: ColumnMapping, progress: Progress
 ) -> list[Recording]:
     """Reads the recordings in files, in the order of their names.
 

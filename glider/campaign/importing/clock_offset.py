@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from glider.campaign.checks.forces import Motions
 from glider.campaign.checks.motion import SPAN, calc_motion
@@ -23,7 +24,7 @@ from glider.campaign.importing.track import (
     planar_pose,
     turn_along,
 )
-from glider.campaign.settings import Mapping
+from glider.campaign.settings import ColumnMapping
 from glider.errors import InputError
 
 _STEP = 0.01  # Between the offsets that are tried [s].
@@ -34,7 +35,6 @@ _ONLY = 2.0
 """Least ratio of the variance that is unexplained more than `_NEAR` away to that at the
 best offset."""
 _NEAR = 0.25  # [s]
-_ITERATIONS = 20  # Of Gauss-Newton in all offsets.
 _COARSE = 0.015  # Standard error of one flight alone, where none is known [s].
 _FORM = 0.004  # Error by the form of the effect, see bench_clock [s].
 _ROUNDS = 3  # Of pooling the effect of all recordings, and searching each again.
@@ -69,7 +69,7 @@ class _Offset(NamedTuple):
 
 
 def join_clocks(
-    tracks: list[Track], flights: list[list[Track]], mapping: Mapping
+    tracks: list[Track], flights: list[list[Track]], mapping: ColumnMapping
 ) -> tuple[list[Track], tuple[str, ...]]:
     """Shifts the servos' logs of recordings onto the poses' clocks; and warnings."""
     clock = mapping.clock
@@ -325,33 +325,31 @@ def _stack(
 
 
 def _refine(
-    turnings: Sequence[_Turning], parameters: np.ndarray, design: np.ndarray
+    turnings: Sequence[_Turning], start: np.ndarray, design: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Refines parameters of offsets together with the effect, by Gauss-Newton.
+    """Refines parameters of offsets, with the effect that fits best at each of them.
 
     Args:
         turnings: of n recordings or flights.
-        parameters: (m,) to begin with.
+        start: parameters (m,) to begin with.
         design: (n, m) offsets [s] by each of the parameters.
 
     Returns:
         The parameters (m,), and their covariance (m, m).
     """
-    by_row = np.repeat(design, [len(turning.time) for turning in turnings], axis=0)
-    for _ in range(_ITERATIONS):
-        offsets = design @ parameters
-        columns, target = _stack(turnings, offsets)
-        effect = np.linalg.lstsq(columns, target, rcond=None)[0]
-        after, _ = _stack(turnings, offsets + _STEP)
-        before, _ = _stack(turnings, offsets - _STEP)
-        slope = (after - before) @ effect / (2.0 * _STEP)
-        columns = np.column_stack([columns, slope[:, None] * by_row])
-        solution = np.linalg.lstsq(columns, target, rcond=None)[0]
-        step = solution[len(effect) :]
-        largest = max(float(np.max(np.abs(design @ step))), 1e-12)
-        parameters = parameters + step * min(1.0, _STEP / largest)
+    reach = np.max(np.abs(design), axis=0)
+
+    def rest(parameters: np.ndarray) -> np.ndarray:
+        columns, target = _stack(turnings, design @ parameters)
+        return target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]
+
+    def slopes(parameters: np.ndarray) -> np.ndarray:
+        steps = np.diag(_STEP / reach)
+        changes = [rest(parameters + step) - rest(parameters - step) for step in steps]
+        return np.transpose(changes) * reach / (2.0 * _STEP)
+
+    found = least_squares(rest, start, slopes, x_scale=_STEP / reach)
     # Rows within the window of one cubic are not independent.
     dependent = max(SPAN / float(np.median(np.diff(turnings[0].time))), 1.0)
-    variance = np.mean((target - columns @ solution) ** 2) * dependent
-    covariance = variance * np.linalg.pinv(columns.T @ columns)
-    return parameters, covariance[len(effect) :, len(effect) :]
+    variance = np.mean(found.fun**2) * dependent
+    return found.x, variance * np.linalg.pinv(found.jac.T @ found.jac)

@@ -8,14 +8,13 @@ moment is one flight: in a gap too short for another throw it has gained no ener
 """
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 
 from glider.campaign.checks.masks import find_repeats, stretches
-from glider.campaign.checks.motion import SPAN, calc_motion, robust_std
-from glider.campaign.checks.rows import FILLED, find_filled, find_stale
-from glider.campaign.checks.smoothness import Rows, find_one_motion, fourth_differences
+from glider.campaign.checks.motion import PUSH, SPAN, Drive, calc_drive
+from glider.campaign.checks.rows import FILLED, find_filled, find_stale, measure_noise
+from glider.campaign.checks.smoothness import Rows, find_one_motion
 from glider.campaign.importing.track import Track, planar_pose, take, turn_along
 
 _BEST_GLIDE = 60.0
@@ -32,7 +31,6 @@ _MAX_GAP = 0.1
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
 _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
-_PUSH = 6.0  # Force along the path that only a hand exerts [m/s²].
 _FREE = 1.0  # Force along the path below which the hand has let go [m/s²].
 _THROW = 0.5  # Time before its release in which a hand has accelerated the body [s].
 _AFTER_RELEASE = 0.05  # Also cut after the hand lets go: fingers touch the tail [s].
@@ -40,21 +38,6 @@ _BEFORE_CONTACT = 0.06  # Time before a contact that is cut as well [s].
 _STOPPED = 0.75  # Part of its speed that a body keeps at most that slides.
 _SHORTEST = 0.2  # Duration of a flight, at least [s].
 _MIN_ROWS = 20
-
-
-class _Drive(NamedTuple):
-    """What drives a body, at k rows that have a cubic."""
-
-    time: np.ndarray  #: (k,) [s]
-    speed: np.ndarray  #: (k,) [m/s]
-    way: np.ndarray  #: (k,) since the first row [m].
-    energy: np.ndarray  #: (k,) of height and speed [J/kg].
-    push: np.ndarray  #: (k,) force along the path, without gravity [m/s²].
-
-    def between(self, begin: float, end: float) -> "_Drive":
-        """The rows of a time."""
-        rows = (self.time >= begin) & (self.time <= end)
-        return _Drive(*(values[rows] for values in self))
 
 
 def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
@@ -72,17 +55,18 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
         return [], [f"the poses were logged every {step:.3g} s; {expected}"]
     flights = []
     notes = [*track.notes]
-    drive = _calc_drive(seen, gravity)
-    parts = _find_parts(seen, drive)
+    drive = calc_drive(seen.time, seen.position, gravity)
+    parts = _find_parts(drive)
     for first, last in parts:
-        part = take(seen, slice(first, last + 1))
+        rows = slice(first, last + 1)
+        part = take(seen, rows)
         margin = 0.0
         if part.time[-1] < track.time[-1]:
             margin = _BEFORE_CONTACT
             if np.any(seen.time[last + 1 : last + 2] - part.time[-1] <= _MAX_GAP):
                 # It is slow; the cubics see a stop up to half of their span late.
                 margin += 0.5 * SPAN
-        found = _find_flight(part, drive, gravity, margin)
+        found = _find_flight(part, drive.take(rows), gravity, margin)
         if isinstance(found, Track):
             flights.append(found)
         else:
@@ -98,30 +82,12 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
     return flights, notes
 
 
-def _calc_drive(track: Track, gravity: float) -> _Drive:
-    """What drives the body of a recording."""
-    motion = calc_motion(track.time, track.position)
-    speed = np.linalg.norm(motion.velocity, axis=1)
-    force = motion.acceleration + np.array([0.0, 0.0, gravity])
-    steps = np.diff(motion.time, prepend=motion.time[:1])
-    return _Drive(
-        time=motion.time,
-        speed=speed,
-        way=np.cumsum(speed * steps),
-        energy=gravity * motion.pose[:, 2] + 0.5 * speed**2,
-        push=np.sum(force * motion.velocity, axis=1) / np.maximum(speed, 1e-3),
-    )
-
-
-def _find_parts(track: Track, drive: _Drive) -> list[tuple[int, int]]:
+def _find_parts(drive: Drive) -> list[tuple[int, int]]:
     """First and last row of each part in which the body is seen and moves."""
-    time = track.time
-    if not len(drive.time):
-        return []
-    # The ends of a block have no cubic of their own.
-    moves = np.interp(time, drive.time, drive.speed) > _SLOWEST
-    gaps = np.flatnonzero(np.diff(time) > _MAX_GAP) + 1
-    breaks = [gap for gap in gaps if not _flies_on(time[gap - 1], time[gap], drive)]
+    time = drive.time
+    moves = drive.speed > _SLOWEST
+    gaps = (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
+    breaks = [gap for gap in gaps if not _flies_on(drive, gap)]
     parts = []
     for block in np.split(np.arange(len(time)), breaks):
         if len(block) >= _MIN_ROWS:
@@ -131,38 +97,35 @@ def _find_parts(track: Track, drive: _Drive) -> list[tuple[int, int]]:
     return parts
 
 
-def _flies_on(begin: float, end: float, drive: _Drive) -> bool:
-    """Whether the body flies before and after a gap, and between.
+def _flies_on(drive: Drive, gap: int) -> bool:
+    """Whether the body flies before and after a gap, which ends at a row, and between.
 
     A hand that caught and threw it again took as long as a throw; one that threw it
-    gave it energy, as in `_find_release`.
+    gave it energy, as in `_find_release`. A moment at an end of the log shows nothing.
     """
-    sides = drive.between(begin - 2.0 * SPAN, end + 2.0 * SPAN)
-    before = np.flatnonzero(sides.time <= begin)
-    after = np.flatnonzero(sides.time >= end)
-    if end - begin > _THROW or not (len(before) and len(after)):
-        return False
-    ends = [before[-1], after[0]]
-    way = np.ptp(sides.way[ends])
-    gained = np.diff(sides.energy[ends])[0]
-    return bool(min(sides.speed[ends]) > _SLOWEST and gained <= 0.5 * _PUSH * way)
+    time, speed, way, energy, _ = drive.take(slice(gap - 1, gap + 1))
+    gained = energy[1] - energy[0]
+    first, last = drive.time[[0, -1]]
+    is_short = time[1] - time[0] <= _THROW
+    is_shown = min(time[0] - first, last - time[1]) > SPAN
+    flies = min(speed) > _SLOWEST and gained <= 0.5 * PUSH * (way[1] - way[0])
+    return bool(is_short and is_shown and flies)
 
 
 def _find_flight(
-    part: Track, drive: _Drive, gravity: float, margin: float
+    part: Track, drive: Drive, gravity: float, margin: float
 ) -> Track | str:
     """The flight in a part in which the body moves throughout, or why there is none.
 
     The margin is the time before the part's end that is cut at least [s].
     """
-    own = drive.between(*part.span)
-    if len(own.time) < 8:
+    if len(part.time) < _MIN_ROWS:
         return "too short for a flight"
-    if np.max(own.speed) < _FASTEST:
-        return f"never faster than {np.max(own.speed):.2g} m/s: carried, or rolling"
+    if np.max(drive.speed) < _FASTEST:
+        return f"never faster than {np.max(drive.speed):.2g} m/s: carried, or rolling"
     begin = part.time[0]
     start = "the body is seen from here on"
-    release = _find_release(own)
+    release = _find_release(drive)
     if release is not None:
         begin = release + _AFTER_RELEASE
         start = f"a hand lets go at {release:.3f} s"
@@ -180,8 +143,8 @@ def _find_flight(
     flight = take(free, free.time <= end + 1e-9)
     if len(flight.time) < _MIN_ROWS or np.ptp(flight.time) < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
-    flown = own.between(begin, end)
-    if not len(flown.time) or np.median(flown.push) > _FREE:
+    flown = drive.take((drive.time >= begin) & (drive.time <= end))
+    if np.median(flown.push) > _FREE:
         return "something pushes it throughout"
     lost = flown.energy[0] - flown.energy[-1]
     way = np.ptp(flown.way)
@@ -193,18 +156,18 @@ def _find_flight(
     return dataclasses.replace(flight, why=f"{start}; {stop}")
 
 
-def _find_release(drive: _Drive) -> float | None:
+def _find_release(drive: Drive) -> float | None:
     """Time at which the hand lets go [s]; None where no hand is seen.
 
     A hand has given the body energy until then. A force that noise or a gust shows for
     a moment has not.
     """
     time, _, way, energy, push = drive
-    pushed = np.flatnonzero(push[: np.argmax(energy) + 1] > _PUSH)
+    pushed = np.flatnonzero(push[: np.argmax(energy) + 1] > PUSH)
     for last in pushed[::-1]:
         free = last + int(np.argmax(push[last:] < _FREE))
         first = int(np.searchsorted(time, time[free] - _THROW))
-        if energy[free] - energy[first] > 0.5 * _PUSH * (way[free] - way[first]):
+        if energy[free] - energy[first] > 0.5 * PUSH * (way[free] - way[first]):
             return float(time[free])
     return None
 
@@ -212,10 +175,7 @@ def _find_release(drive: _Drive) -> float | None:
 def _find_contact(flight: Track) -> float | None:
     """Time at which the velocity jumps [s]; None where it does not."""
     pose = planar_pose(turn_along(flight))
-    differences, _ = fourth_differences(flight.time, pose)
-    if not len(differences):
-        return None
-    rows = Rows(flight.time, pose, robust_std(differences))
+    rows = Rows(flight.time, pose, measure_noise(flight.time, pose))
     faulty = np.any(find_one_motion(rows, np.ones(len(pose), dtype=bool)), axis=0)
     same = np.flatnonzero(~faulty)
     if len(same) and flight.time[same[0]] - flight.time[0] > _SHORTEST:

@@ -26,7 +26,7 @@ from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.recording import Recording
 from glider.campaign.importing.track import make_track, turn_along
-from glider.campaign.settings import AXES, Mapping, unit_vector
+from glider.campaign.settings import AXES, ColumnMapping, unit_vector
 from glider.physics.parameters import GliderParameters
 
 _Fields = dict[str, str]  # Fields of `frame:`.
@@ -66,7 +66,7 @@ _DIGITS = 6  # Of log likelihoods: two readings that agree in them are one.
 
 def rank_frames(
     logs: Sequence[Recording],
-    claim: Callable[[_Fields], Mapping],
+    claim: Callable[[_Fields], ColumnMapping],
     readings: Sequence[tuple[_Fields, float]],
     usual: str,
 ) -> list[tuple[_Fields, float]]:
@@ -104,7 +104,7 @@ def rank_frames(
     return [(own, float(p)) for (own, _), p in zip(ranked, shares, strict=True)]
 
 
-def fly_all(logs: Sequence[Recording], mapping: Mapping) -> list[_Flight]:
+def fly_all(logs: Sequence[Recording], mapping: ColumnMapping) -> list[_Flight]:
     """The flights in recordings as a mapping reads them, as many as are judged."""
     flights = []
     for log in logs:

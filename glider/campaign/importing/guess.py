@@ -30,7 +30,15 @@ from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import UNITS, Recording, split_suffix
 from glider.campaign.importing.splitting import split_flights
 from glider.campaign.logs import Campaign
-from glider.campaign.settings import QUANTITIES, Mapping, Settings, Vehicle
+from glider.campaign.settings import (
+    EULER,
+    INSTEAD,
+    QUANTITIES,
+    SHAPES,
+    ColumnMapping,
+    Settings,
+    Vehicle,
+)
 from glider.errors import InputError, printable
 from glider.files import schema
 from glider.progress import silent
@@ -58,18 +66,11 @@ _NAMES = {  # What names contain, in lower case, words parted by _, without unit
     "elevator": rf"{_ELEVATOR}|angle",
 }
 _NOT_AN_ANGLE = rf"{_COMMAND}|{_IS_RATE}|effort"
-_SHAPES = {
-    "attitude": ("012345678", "xyzw", "0123", "xyz", "012"),
-    "position": ("xyz", "012"),
-}
-_EULER = "roll", "pitch", "yaw"
-_SCALARS = (_RATE, _ANGLE, "x", "z", "y", *_EULER, "elevator")
-_INSTEAD = dict.fromkeys("xyz", "position") | dict.fromkeys(_EULER, "attitude")
-_INSTEAD |= {_ANGLE: _RATE}  # Quantity that makes another needless.
+_SCALARS = (_RATE, _ANGLE, "x", "z", "y", *EULER, "elevator")
 _SAYS_NOTHING = re.compile(r"\.(position|data|value|angle|output)(\[0\])?$").search
 _LARGEST: dict[tuple[str, ...], tuple[tuple[float, str], ...]] = {
     ("position", "x"): ((1000.0, "mm"), (100.0, "cm")),
-    ("attitude", *_EULER): ((2.0 * np.pi, "deg"),),
+    ("attitude", *EULER): ((2.0 * np.pi, "deg"),),
     ("elevator",): ((0.5 * np.pi, "deg"),),
     (_ANGLE,): ((0.5 * np.pi, "deg"),),
     (_RATE,): ((50.0, "deg/s"),),
@@ -108,7 +109,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     reasons = {} if is_px4 else _guess_units(recordings, columns)
     units = {kind: yaml.safe_load(unit) for kind, (unit, _) in reasons.items()}
 
-    def claim(frame: _Fields) -> Mapping:
+    def claim(frame: _Fields) -> ColumnMapping:
         return _make_mapping(columns=columns, units=units, frame=frame)
 
     ranked = [({"axes": "NED"}, 1.0)]
@@ -152,7 +153,7 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     return Guess(text, campaign, probability)
 
 
-def _make_mapping(**fields: Any) -> Mapping:
+def _make_mapping(**fields: Any) -> ColumnMapping:
     """The mapping that some fields of a MAP file are."""
     mapping = schema.convert(fields, Settings, "the guess").mapping("the guess")
     assert mapping is not None
@@ -195,7 +196,7 @@ def _read(files: Sequence[Path]) -> tuple[list[Recording], list[str]]:
     return found[:_MAX_FILES], []
 
 
-def _make_campaign(recordings: Sequence[Recording], claim: Mapping) -> Campaign:
+def _make_campaign(recordings: Sequence[Recording], claim: ColumnMapping) -> Campaign:
     """What a mapping makes of recordings."""
     servo = any(name.startswith("elevator") for name in claim.columns)
     kind = "servo" if servo else "fixed"
@@ -222,7 +223,7 @@ def _priors(
         signs = [{"pitch": sign} for sign in ("nose_up", "nose_down")]
         known = tops if "yaw" in columns else [{}]
         return [(sign | top, 0.5) for sign in signs for top in known], usual
-    found = log.find_all(attitude, _SHAPES["attitude"])
+    found = log.find_all(attitude, SHAPES["attitude"])
     axes = found[0] if found else ""
     if axes in ("012345678", "xyzw") or log.rotation:
         return [({}, 1.0)], usual
@@ -310,14 +311,15 @@ def _find(log: Recording) -> _Columns:
     names = _addresses(log)
     columns = _find_vectors(log, names)
     for quantity, stem in columns.items():
-        _, used = log.find_all(stem, _SHAPES[quantity]) or ("", [])
+        _, used = log.find_all(stem, SHAPES[quantity]) or ("", [])
         names = [name for name in names if name not in used]
+    instead = INSTEAD | {_ANGLE: _RATE}
     for quantity in _SCALARS:
         found = _find_scalar(quantity, names)
-        if found is not None and _INSTEAD.get(quantity) not in columns:
+        if found is not None and instead.get(quantity) not in columns:
             columns[quantity] = found
             names.remove(found)
-    if not set(_EULER) <= columns.keys():  # Only all three are a rotation.
+    if not set(EULER) <= columns.keys():  # Only all three are a rotation.
         columns.pop("roll", None)
         columns.pop("yaw", None)
     if _RATE in columns and _is_angle(log, columns):
@@ -343,7 +345,7 @@ def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
     firsts = (re.fullmatch(r"(.+?)(\[?0\]?|[._ ]?[xX])", name) for name in bare)
     stems = dict.fromkeys(first[1] for first in firsts if first)
     columns: _Columns = {}
-    for quantity, shapes in _SHAPES.items():
+    for quantity, shapes in SHAPES.items():
         is_named = re.compile(_NAMES[quantity], re.IGNORECASE).search
         fits = [
             stem
@@ -360,7 +362,7 @@ def _find_vectors(log: Recording, names: Sequence[str]) -> _Columns:
 
 def _find_scalar(quantity: str, names: Sequence[str]) -> str | None:
     """The first of some columns whose name fits a quantity."""
-    is_angle = quantity in ("elevator", *_EULER)
+    is_angle = quantity in ("elevator", *EULER)
     for name in names:
         words = _words(name)
         if is_angle and re.search(_NOT_AN_ANGLE, words):

@@ -24,11 +24,13 @@ from glider.campaign.importing.recording import (
     scale_of,
     spell,
 )
-from glider.campaign.importing.splitting import FEWEST_ROWS, find_restarts
+from glider.campaign.importing.splitting import FEWEST_ROWS
 from glider.campaign.settings import (
+    EULER,
     QUANTITIES,
+    SHAPES,
+    ColumnMapping,
     Frame,
-    Mapping,
     Markers,
     Names,
     unit_vector,
@@ -38,10 +40,7 @@ from glider.errors import InputError, expect
 _SERVO = ("elevator", "elevator_rate_command", "elevator_angle_command")
 _ROUNDED = (0.01, 1e-3, 1e-4)  # Last digits of times that are rounded [s].
 _LONGEST = 0.05  # Step of a log above which commands are logged at changes only [s].
-_EULER = ("roll", "pitch", "yaw")  # About x, y and z.
-_POINT = ("xyz", "012")  # Axes of vectors: letters, or indices.
-_PLANE = (*_POINT, "xy", "xz", "01")
-_TURN = ("012345678", "xyzw", "0123", *_POINT)
+_PLANE = (*SHAPES["position"], "xy", "xz", "01")  # Points in space, or in a plane.
 _SAME_TIME = 1e-6  # Time between rows at the same time [s].
 _MAX_GAP = 0.1  # Time between two attitudes above which none is interpolated [s].
 
@@ -107,7 +106,7 @@ class Track:
         return float(self.time[0]), float(self.time[-1])
 
 
-def make_track(recording: Recording, mapping: Mapping) -> Track:
+def make_track(recording: Recording, mapping: ColumnMapping) -> Track:
     """Turns a recording into the axes and signs of this project."""
     frame = mapping.frame
     pick = _Picker(recording, mapping)
@@ -203,7 +202,7 @@ def planar_pose(track: Track) -> np.ndarray:
 class _Picker:
     """Picks the quantities of a recording; refuses those that are not complete."""
 
-    def __init__(self, recording: Recording, mapping: Mapping) -> None:
+    def __init__(self, recording: Recording, mapping: ColumnMapping) -> None:
         self._recording = recording
         self._mapping = mapping
         self._columns = mapping.columns
@@ -231,8 +230,8 @@ class _Picker:
             pitch = points._replace(values=-np.arctan2(ahead[:, [2]], ahead[:, [0]]))
         elif name is not None:
             return self._rotations(name), True
-        elif self._columns.keys() >= set(_EULER):
-            angles = self._scalars(*_EULER)
+        elif self._columns.keys() >= set(EULER):
+            angles = self._scalars(*EULER)
             return self._by_angles(angles, frame.rotation or "ZYX"), True
         else:
             pitch = self._scalars("pitch")
@@ -273,7 +272,7 @@ class _Picker:
 
     def _rotations(self, name: Names) -> Stream:
         """Rotations (n, 9) of the columns of an attitude."""
-        axes, found = self._find("attitude", name, _TURN)
+        axes, found = self._find("attitude", name, SHAPES["attitude"])
         stream = self._stream(("attitude",) * len(axes), found).known()
         rotation = self._mapping.frame.rotation
         if len(axes) == 9:
@@ -387,16 +386,15 @@ class _Picker:
         values = values[known]
         before = np.maximum.accumulate(np.r_[-np.inf, time])[:-1]
         ahead = time > before
-        starts = find_restarts(time)
-        if starts or (len(ahead) and np.mean(ahead) < 0.9):
-            row = starts[0] if starts else int(np.argmin(ahead))
+        late = int(np.sum(~ahead))
+        if late > 0.1 * len(ahead):
+            row = int(np.argmin(ahead))
             raise self._error(
                 "time",
                 f"it does not increase at value {row + 1} ({time[row]:.9g} s); "
                 "expected the rows in the order of their times, and as many restarts "
                 "in each table",
             )
-        late = int(np.sum(~ahead))
         even = _without_rounding(time[ahead])
         return Stream(even, values[ahead], group.clock, late)
 

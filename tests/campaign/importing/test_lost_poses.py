@@ -78,6 +78,14 @@ def test_a_dropout_in_which_a_hand_throws_separates_two_flights(tmp_path, campai
     assert max(begins) > 0.4
 
 
+def test_a_moment_after_a_dropout_is_no_flight(tmp_path, campaign):
+    """Six rows do not show that the glider flies on."""
+    logs = [np.concatenate([table[:70], table[88:94]]) for table in tables(campaign)]
+    found = read_flights(*write(tmp_path, logs))
+    ends = [f.span[1] for r in found.recordings for f in r.flights]
+    assert max(ends) < min(table[70, 0] for table in logs)
+
+
 @pytest.mark.parametrize("other", [[0, 0, 0, 0], [0, 0, 0, 1]])
 def test_rows_of_zeros_are_not_seen(tmp_path, campaign, other):
     logs = tables(campaign)
