@@ -101,11 +101,12 @@ def print_rehearsal(rehearsal: Rehearsal, console: Console) -> None:
 
 
 def confusions(rehearsal: Rehearsal) -> list[str]:
-    """Sentences on what is named instead of an effect."""
+    """Sentences on what is named instead of an effect, in a percent of cases or more."""
     found = []
     for own in rehearsal.effects:
-        if own.instead:
-            others = [f"{name} ({share:.0%})" for name, share in own.instead.items()]
+        shares = own.instead.items()
+        others = [f"{name} ({share:.0%})" for name, share in shares if share >= 0.01]
+        if others:
             found.append(f"{own.kind} is reported as {' or '.join(others)}.")
     return found
 

@@ -51,6 +51,15 @@ def test_a_table_has_power_and_the_smallest_size():
     assert "Without a further effect, 1.5% name one." in text
 
 
+def test_what_is_hardly_ever_named_instead_is_not_told():
+    rare = dataclasses.replace(SEEN, instead={"inertia": 0.004, "wind": 0.01})
+    text = printed(dataclasses.replace(REHEARSAL, effects=(rare,)))
+    assert "mass is reported as wind (1%)." in text
+    only = dataclasses.replace(SEEN, instead={"inertia": 0.004})
+    text = printed(dataclasses.replace(REHEARSAL, effects=(only,)))
+    assert "is reported as" not in text
+
+
 def test_what_was_flown_has_the_names_beside_those_of_the_model():
     one = dataclasses.replace(SEEN, flown=RESULT)
     flown = dataclasses.replace(REHEARSAL, effects=(one,), flown=RESULT)
