@@ -72,8 +72,8 @@ def measure(
     truth = without_model_errors(traced, spreads_of(task, model))
     ratio, rng = noise.smoothing[2].ratio, np.random.default_rng(seed)
     floor = find_floor(flown, unseen, truth, ratio, rng)
-    pairs = [(record, predict(flown, record)) for record in unseen]
-    errors = np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
+    own = [predict(flown, record) for record in unseen]
+    errors = np.sqrt(mean_squares(unseen, own)[:, :2])
     flown = np.isfinite(errors).all(axis=1)
     rms = np.sqrt(np.average(errors[flown] ** 2, axis=0, weights=floor.rows[flown]))
     squares = floor.squares[flown].mean(axis=2)[:, :2]

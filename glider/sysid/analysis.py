@@ -34,6 +34,7 @@ from glider.sysid.likelihood.uncertainty import Uncertainty, averaged, uncertain
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.roll import RollSearch
+from glider.sysid.search.moves import Search
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
 from glider.sysid.verdict import find_doubt, judge, too_few_fly
@@ -238,14 +239,16 @@ class Analysis:
             everything, task = self._without(outlying, everything)
 
         with self.stage("trace"):
-            traced = trace(task, noise, self.progress)
+            search = Search(task, self.progress)
+            traced = trace(search, noise)
             if extreme := find_extreme(everything, traced.model):
                 again = sorted(r.name for r in task.records if r.name in extreme)
                 everything, task = self._without(extreme, everything)
                 outlying |= extreme
                 if again:
                     self.progress(f"again without {', '.join(again)}")
-                    traced = trace(task, noise, self.progress)
+                    search = Search(task, self.progress)
+                    traced = trace(search, noise)
 
         names = [record.name for record in records]
         session = everything
@@ -253,11 +256,11 @@ class Analysis:
             session = everything.on(records)
         if self.vehicle.is_known and all(f.attitude is None for f in campaign.flights):
             with self.stage("roll", "comparing flights that roll"):
-                few = task.thinned(MANY_FLIGHTS)
+                few = search.thinned(MANY_FLIGHTS)
                 rolls = RollSearch(
-                    task=few, campaign=campaign, noise=noise, masks=masks
+                    search=few, campaign=campaign, noise=noise, masks=masks
                 )
-                traced = rolls.find(traced, self.progress)
+                traced = rolls.find(traced)
 
         return Searched(noise, everything, task, traced, outlying, session)
 

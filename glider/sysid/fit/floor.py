@@ -6,7 +6,10 @@ about it, to which they are linear, and predicted as the flight is (see `predict
 """
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Mapping, Sequence
+from itertools import compress
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -21,19 +24,24 @@ from glider.compiled.filter_error import (
 )
 from glider.compiled.parallel import in_parallel
 from glider.physics.state import NUM_STATES
-from glider.sysid.constants import LARGEST_ERROR
+from glider.sysid.constants import LARGEST_ERROR, MANY_FLIGHTS
 from glider.sysid.fit.prediction import (
+    Prediction,
     RolloutModel,
     beginning_rows,
     errors_from,
+    mean_squares,
     near_median,
     of_launch,
+    predict,
+    rows_of,
+    which_count,
 )
 from glider.sysid.likelihood.filtering import start_variances
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.replay.record import Record
-from glider.sysid.result import EquationErrors, Errors, Residual
+from glider.sysid.result import PERFECT, EquationErrors, Errors, Residual
 
 _REPLICAS = 100  # Of a flight.
 # Relative error of the RMS over them: a square of two coordinates scatters by as much
@@ -66,23 +74,6 @@ class Floor:
             return errors_from(np.full((1, 4, 1), np.nan), np.ones(1), equation)
         return errors_from(self.squares[known], self.rows[known], equation)
 
-    def residual(
-        self,
-        left: Errors,
-        perfect: Errors,
-        paths: np.ndarray,
-        depends_on: tuple[str, ...] = (),
-    ) -> Residual:
-        """What a model leaves beside what a perfect one does; paths as of `chance`."""
-        along, floor = (own.rollout_measured_pitch for own in (left, perfect))
-        return Residual(
-            position_m=left.position_rms_m,
-            ratio_to_floor=left.position_rms_m / perfect.position_rms_m,
-            ratio_along_pitch=along.position_rms_m / floor.position_rms_m,
-            chance=self.chance(paths),
-            depends_on=depends_on,
-        )
-
     def chance(self, paths: np.ndarray) -> float:
         """Probability that a perfect model leaves as much, of paths (F, 2).
 
@@ -99,6 +90,73 @@ class Floor:
         error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
         z = apart.mean(axis=0) / np.hypot(error, _ACCURACY)
         return min(1.0, 2.0 * float(ndtr(-z).min()))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Perfect:
+    """A perfect model of flights, and the draws of what it leaves on them."""
+
+    truth: Scales  #: What happens in its flights.
+    pitch_ratio: float  #: Of the smoothing of their pitch.
+    rng: np.random.Generator
+
+
+class Compared(NamedTuple):
+    """Flights predicted by models that were not fitted to them."""
+
+    flown: dict[str, list[Prediction]]  #: By each model.
+    errors: dict[str, Errors]  #: Of each, and of a perfect one.
+    left: Residual  #: By the corrected model.
+    counted: list[Record]  #: Flights of which these are: some model flies them.
+
+
+def compare(
+    models: Mapping[str, RolloutModel],
+    records: Sequence[Record],
+    perfect: Perfect,
+    equation: Mapping[str, EquationErrors],
+    more: Sequence[Record] = (),
+    depends_on: tuple[str, ...] = (),
+) -> Compared:
+    """Predicts flights by models, and compares the corrected with a perfect one.
+
+    Args:
+        models: by name, "corrected" among them.
+        records: the flights.
+        perfect: the perfect model.
+        equation: errors of accelerations, of all models and the perfect one.
+        more: flights on which only the corrected and a perfect model are compared.
+        depends_on: variables that the rest varies with.
+    """
+    flown = {
+        name: in_parallel(functools.partial(predict, model), records)
+        for name, model in models.items()
+    }
+    squares = {name: mean_squares(records, own) for name, own in flown.items()}
+    counts = which_count(squares.values())
+    counted = list(compress(records, counts))
+    errors = {
+        name: errors_from(own[counts, :, None], rows_of(counted), equation[name])
+        for name, own in squares.items()
+    }
+    own = models["corrected"]
+    beside = [record for record in more if record not in counted]
+    beside = beside[: max(0, MANY_FLIGHTS - len(counted))]
+    first = [*counted, *beside][:MANY_FLIGHTS]
+    floor = find_floor(own, first, perfect.truth, perfect.pitch_ratio, perfect.rng)
+    seen = mean_squares(beside, in_parallel(functools.partial(predict, own), beside))
+    paths = np.sqrt([*squares["corrected"][counts, :2], *seen[:, :2]][:MANY_FLIGHTS])
+    left = errors["corrected"]
+    errors[PERFECT] = least = floor.errors(equation[PERFECT], len(counted))
+    along = left.rollout_measured_pitch.position_rms_m
+    residual = Residual(
+        position_m=left.position_rms_m,
+        ratio_to_floor=left.position_rms_m / least.position_rms_m,
+        ratio_along_pitch=along / least.rollout_measured_pitch.position_rms_m,
+        chance=floor.chance(paths),
+        depends_on=depends_on,
+    )
+    return Compared(flown, errors, residual, counted)
 
 
 def find_floor(
@@ -118,8 +176,7 @@ def find_floor(
         zip(records, rng.spawn(len(records)), strict=True),
     )
 
-    rows = np.array([np.count_nonzero(r.seen[:, 0]) for r in records])
-    return Floor(rows=rows, squares=np.array(squares))
+    return Floor(rows=rows_of(records), squares=np.array(squares))
 
 
 def _moves_of(flight: LinearFlight, scales: Scales) -> np.ndarray:

@@ -6,7 +6,7 @@ elevator of the whole flight; then the model flies on alone to the end.
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from scipy.optimize import leastsq
@@ -181,36 +181,19 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     return Prediction(pose=pose, translated=along, trim=float(trim))
 
 
-def errors_on(
-    records: Sequence[Record],
-    flown: Mapping[str, Sequence[Prediction]],
-    equation: Mapping[str, EquationErrors],
-) -> tuple[dict[str, Errors], np.ndarray]:
-    """Returns the errors of models on flights, and which of these count, (F,).
+def which_count(squares: Iterable[np.ndarray]) -> np.ndarray:
+    """Returns which flights (F,) count, by `mean_squares` of models.
 
-    A flight on which every model diverges compares none with another: it counts only if
-    all are. Errors of accelerations are given.
+    One on which every model diverges compares none with another: it counts only if all
+    are such.
     """
-    rows = np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        squares = {
-            name: np.array([*map(mean_squares, records, own)])
-            for name, own in flown.items()
-        }
-        near = [own[:, 0] < LARGEST_ERROR**2 for own in squares.values()]
-        counts = np.any(near, axis=0)
-        counts |= not counts.any()
-        return {
-            name: errors_from(own[counts, :, None], rows[counts], equation[name])
-            for name, own in squares.items()
-        }, counts
+    is_flown = np.any([own[:, 0] < LARGEST_ERROR**2 for own in squares], axis=0)
+    return is_flown if is_flown.any() else ~is_flown
 
 
-def path_errors(records: Iterable[Record], flown: Iterable[Prediction]) -> np.ndarray:
-    """Returns the position RMS of flights, free and along the pitch, (F, 2) [m]."""
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        squares = map(mean_squares, records, flown)
-        return np.sqrt([own[:2] for own in squares])
+def rows_of(records: Sequence[Record]) -> np.ndarray:
+    """Number of rows that were seen of each flight, (F,)."""
+    return np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
 
 
 def rms(accelerations: np.ndarray) -> EquationErrors:
@@ -231,15 +214,20 @@ def errors_from(
     return Errors(equation, RolloutErrors(free, end, pitch), PathErrors(along))
 
 
-def mean_squares(record: Record, predicted: Prediction) -> np.ndarray:
-    """Computes mean squared errors of a prediction over the rows that were seen, (4,).
+@np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
+def mean_squares(records: Sequence[Record], flown: Sequence[Prediction]) -> np.ndarray:
+    """Computes mean squared errors of predictions over the rows that were seen, (F, 4).
 
     Of the position, free and along the measured pitch [m²], of the pitch [rad²], and of
     the position at the end [m²].
     """
-    seen = record.seen[:, 0]
-    error = (record.pose - predicted.pose)[seen]
-    free = np.sum(error[:, :2] ** 2, axis=1)
-    pitch = error[:, 2] ** 2
-    along = np.sum((record.pose[:, :2] - predicted.translated)[seen] ** 2, axis=1)
-    return np.array([free.mean(), along.mean(), pitch.mean(), free[-1]])
+    found = []
+    for record, predicted in zip(records, flown, strict=True):
+        seen = record.seen[:, 0]
+        error = (record.pose - predicted.pose)[seen]
+        free = np.sum(error[:, :2] ** 2, axis=1)
+        along = np.sum((record.pose[:, :2] - predicted.translated)[seen] ** 2, axis=1)
+        pitch = np.mean(error[:, 2] ** 2)
+        found.append([free.mean(), along.mean(), pitch, free[-1]])
+
+    return np.reshape(found, (-1, 4))

@@ -4,19 +4,16 @@ Flights that are held out at random are like those of the fit, but who plans wit
 model flies others. What it is worth there shows where the farthest are left out.
 """
 
-import functools
 import math
 from collections.abc import Callable, Mapping
 from itertools import compress, product
 
 import numpy as np
 
-from glider.compiled.parallel import in_parallel
 from glider.physics.effects.free_functions import FLOW_UNITS
-from glider.sysid.constants import FOLDS, MANY_FLIGHTS
-from glider.sysid.fit.floor import find_floor
-from glider.sysid.fit.prediction import errors_on, flown_by, path_errors, predict
-from glider.sysid.likelihood.scales import Scales
+from glider.sysid.constants import FOLDS
+from glider.sysid.fit.floor import Perfect, compare
+from glider.sysid.fit.prediction import flown_by
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import (
     PERFECT,
@@ -81,9 +78,7 @@ def predict_unlike(
     models: Mapping[str, FitResult],
     forces: FitResult | None,
     table: ResidualTable,
-    truth: Scales,
-    pitch_ratio: float,
-    rng: np.random.Generator,
+    perfect: Perfect,
 ) -> UnlikeFlights | None:
     """Predicts the most unlike of a task's flights; None where there are too few.
 
@@ -92,9 +87,7 @@ def predict_unlike(
         models: by name, "corrected" among them; coefficients are refitted.
         forces: the model of forces, where these are unknown.
         table: of all flights in the same order.
-        truth: what happens in flights of a perfect model, see `find_floor`.
-        pitch_ratio: of the smoothing of a pitch.
-        rng: draws these.
+        perfect: the perfect model.
     """
     if len(task.records) < 3:
         return None
@@ -104,22 +97,12 @@ def predict_unlike(
     scales = models["corrected"].scales
     again = {name: refitted(others, own, forces) for name, own in models.items()}
     flying = {name: flown_by(others, own, scales) for name, own in again.items()}
-    flown = {
-        name: in_parallel(functools.partial(predict, own), unlike)
-        for name, own in flying.items()
-    }
-
     nothing = EquationErrors(math.nan, math.nan, math.nan)
-    found, counts = errors_on(unlike, flown, dict.fromkeys(flown, nothing))
-    counted = list(compress(unlike, counts))
-    few = counted[:MANY_FLIGHTS]
-    floor = find_floor(flying["corrected"], few, truth, pitch_ratio, rng)
-    perfect = floor.errors(nothing, len(few))
-    paths = path_errors(few, compress(flown["corrected"], counts))
+    found = compare(flying, unlike, perfect, dict.fromkeys((*flying, PERFECT), nothing))
     return UnlikeFlights(
-        flights=tuple(record.name for record in counted),
+        flights=tuple(record.name for record in found.counted),
         difference=difference,
-        errors={**found, PERFECT: perfect},
-        left=floor.residual(found["corrected"], perfect, paths),
-        diverged=tuple(record.name for record in unlike if record not in counted),
+        errors=dict(found.errors),
+        left=found.left,
+        diverged=tuple(r.name for r in unlike if r not in found.counted),
     )

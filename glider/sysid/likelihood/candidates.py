@@ -62,8 +62,12 @@ class Candidates:
         return [*unknown, *sorted(j for place in given for j in place)]
 
     def grams(self, scales: Scales) -> np.ndarray:
-        """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
-        return model_fit.grams_of(self.flights, scales)
+        """Returns the flights' information on all columns, (flights, m + 1, m + 1).
+
+        The error is that of the model without effects, see `nothing`.
+        """
+        grams = model_fit.grams_of(self.flights, scales)
+        return counted_from(grams, self.nothing()[0])
 
     def total(self, scales: Scales) -> np.ndarray:
         """Returns the sum of `grams`, a few flights' at a time in memory."""
@@ -72,7 +76,7 @@ class Candidates:
             few = model_fit.grams_of(self.flights[k : k + _AT_ONCE], scales)
             total = total + few.sum(axis=0)
 
-        return total
+        return counted_from(total, self.nothing()[0])
 
     def nothing(self) -> tuple[np.ndarray, model_fit.Prior]:
         """Returns the model without effects, and the prior about it.
@@ -94,14 +98,16 @@ class Candidates:
         return share, prior
 
     def evidence(self, gram: np.ndarray) -> Evidence:
-        """Returns the evidence of sets of columns beside those that always act."""
-        share, prior = self.nothing()
+        """Returns the evidence of sets of columns beside those that always act.
+
+        `gram` is the sum of `grams`.
+        """
+        _, prior = self.nothing()
         always = self.always
-        whole = counted_from(gram, share)
         at = np.array([j for j, _ in self.columns], dtype=int)
         strengths = np.array([strength for _, strength in self.columns])
         return Evidence(
-            gram=eliminate(whole, always, prior.precision[always], prior.mean[always]),
+            gram=eliminate(gram, always, prior.precision[always], prior.mean[always]),
             at=at,
             precision=prior.precision[at] / strengths**2,
             lower=prior.lower[at],
@@ -119,10 +125,10 @@ class HeldOutEvidence:
     """
 
     def __init__(self, candidates: Candidates, grams: np.ndarray):
-        """Takes the flights' information."""
+        """Takes the flights' information, that of `Candidates.grams`."""
         self._always = np.array(candidates.always, int)
-        share, self._prior = candidates.nothing()
-        self._own = counted_from(grams, share)
+        _, self._prior = candidates.nothing()
+        self._own = grams
         self._sum = self._own.sum(axis=0, keepdims=True)
         self._rest = self._sum - self._own
         self._alone = self._costs(self._always[None])

@@ -83,14 +83,15 @@ class SearchResult:
         )
 
 
-def trace(task: Task, noise: Noise, progress: Progress) -> SearchResult:
-    """Finds the effects that the flights show.
+def trace(search: Search, noise: Noise) -> SearchResult:
+    """Finds the effects that the flights of a search show, which keeps its fits.
 
     By their evidence; where forces are unknown, by predictions of held-out flights.
     """
+    task = search.task
+    progress = search.progress
     if not task.vehicle.knows_forces:
         return _trace_by_predictions(task, noise, progress)
-    search = Search(task, progress)
     model = _searched(search, start_of(task, noise))
     progress(Step("weighing the effects", 0.76))
     model, evidence = _needed(search, model)

@@ -45,8 +45,8 @@ def floor_and_errors(campaign, truth, effect=None):
     flown = flown_by(task, model, scales)
     ratio = noise.smoothing[2].ratio
     floor = find_floor(flown, task.records, scales, ratio, np.random.default_rng(0))
-    pairs = [(record, predict(flown, record)) for record in task.records]
-    return floor, np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
+    own = [predict(flown, record) for record in task.records]
+    return floor, np.sqrt(mean_squares(task.records, own)[:, :2])
 
 
 NO_NOISE = EquationErrors(0.0, 0.0, 0.0)
@@ -164,8 +164,8 @@ def test_memory_that_begins_elsewhere_is_predicted_along_the_pitch_too():
     flown = flown_by(task, model, scales)
     ratio = noise.smoothing[2].ratio
     floor = find_floor(flown, task.records, scales, ratio, rng)
-    pairs = [(record, predict(flown, record)) for record in task.records]
-    errors = np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
+    own = [predict(flown, record) for record in task.records]
+    errors = np.sqrt(mean_squares(task.records, own)[:, :2])
     assert floor.chance(errors) > UNLIKELY
     rms = np.sqrt(np.mean(errors[:, 1] ** 2))
     assert rms < 1.5 * floor.errors(NO_NOISE, 6).rollout_measured_pitch.position_rms_m
