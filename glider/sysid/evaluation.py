@@ -16,13 +16,13 @@ from glider.sysid.fit.floor import Perfect, compare
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import flown_by
 from glider.sysid.fit.unlike import predict_unlike
-from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table
 from glider.sysid.result import MODELS, PERFECT, ResidualTable, Spread
+from glider.sysid.search.subsets import survey
 from glider.sysid.search.tracing import SearchResult, forces_alone
 
 

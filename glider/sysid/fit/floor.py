@@ -28,11 +28,9 @@ from glider.sysid.constants import LARGEST_ERROR, MANY_FLIGHTS
 from glider.sysid.fit.prediction import (
     Prediction,
     RolloutModel,
-    beginning_rows,
     errors_from,
     mean_squares,
     near_median,
-    of_launch,
     predict,
     rows_of,
     which_count,
@@ -96,8 +94,8 @@ class Floor:
 class Perfect:
     """A perfect model of flights, and the draws of what it leaves on them."""
 
-    truth: Scales  #: What happens in its flights.
-    pitch_ratio: float  #: Of the smoothing of their pitch.
+    truth: Scales  #: Of what happens in its flights, but their launches.
+    pitch_ratio: float  #: By which their pitch is smoothed, as `Smoothing.ratio`.
     rng: np.random.Generator
 
 
@@ -143,7 +141,7 @@ def compare(
     beside = [record for record in more if record not in counted]
     beside = beside[: max(0, MANY_FLIGHTS - len(counted))]
     first = [*counted, *beside][:MANY_FLIGHTS]
-    floor = find_floor(own, first, perfect.truth, perfect.pitch_ratio, perfect.rng)
+    floor = find_floor(own, first, perfect)
     seen = mean_squares(beside, in_parallel(functools.partial(predict, own), beside))
     paths = np.sqrt([*squares["corrected"][counts, :2], *seen[:, :2]][:MANY_FLIGHTS])
     left = errors["corrected"]
@@ -160,20 +158,12 @@ def compare(
 
 
 def find_floor(
-    model: RolloutModel,
-    records: Sequence[Record],
-    truth: Scales,
-    pitch_ratio: float,
-    rng: np.random.Generator,
+    model: RolloutModel, records: Sequence[Record], perfect: Perfect
 ) -> Floor:
-    """Draws replicas of flights and predicts them by a model, taken as perfect.
-
-    In them happens what `truth` has the standard deviations of, but its launch; the
-    measured pitch is smoothed as `smoothing.Smoothing.ratio` says.
-    """
+    """Draws replicas of flights and predicts them by a model, taken as perfect."""
+    rngs = perfect.rng.spawn(len(records))
     squares = in_parallel(
-        lambda own: _squares(model, own[0], own[1], truth, pitch_ratio),
-        zip(records, rng.spawn(len(records)), strict=True),
+        lambda own: _squares(model, perfect, *own), zip(records, rngs, strict=True)
     )
 
     return Floor(rows=rows_of(records), squares=np.array(squares))
@@ -212,19 +202,16 @@ def _flown(
 
 @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
 def _squares(
-    model: RolloutModel,
-    record: Record,
-    rng: np.random.Generator,
-    truth: Scales,
-    pitch_ratio: float,
+    model: RolloutModel, perfect: Perfect, record: Record, rng: np.random.Generator
 ) -> np.ndarray:
     """Mean squares of a flight's replicas (4, R), as in `Floor`; inf if it diverges."""
+    truth = perfect.truth
     flight = linearize(record, model.theta, model.gaussians)
     moves, shows = _moves_of(flight, truth), flight.shows
     nodes, (channels, total) = len(record.time), shows.shape[1:]
     n = len(flight.states)
     seen = record.seen
-    beginning = of_launch(record, beginning_rows(record.time, model.per_flight_trims))
+    beginning = model.of_launch(record)
     diverging = np.full((4, _REPLICAS), np.inf)
 
     # Their launches differ by the elevator's rest and memory alone; accelerations that
@@ -256,7 +243,7 @@ def _squares(
     pitch = error[:, PITCH] ** 2
 
     # Along the measured pitch it is imposed, and the rest of the launch fitted again.
-    maps = smoothing_maps(record.time[seen[:, 2]], record.time, pitch_ratio)[:2]
+    maps = smoothing_maps(record.time[seen[:, 2]], record.time, perfect.pitch_ratio)[:2]
     turned = np.moveaxis(maps @ measured[seen[:, 2], PITCH], 0, 1)
     known[_TRANSLATED] = 0.0
     start = np.hstack([known, np.eye(total)[:, _TRANSLATED]])

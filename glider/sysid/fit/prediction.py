@@ -16,7 +16,7 @@ from glider.compiled.filter_error import ELEVATOR, PROCESSES
 from glider.compiled.replay import OFFSET, LogPath, roll_out
 from glider.physics.effects import Gaussians
 from glider.physics.state import NUM_STATES
-from glider.sysid.constants import BEGINNING, LARGEST_ERROR, Z
+from glider.sysid.constants import BEGINNING, FEW_FLIGHTS, LARGEST_ERROR, Z
 from glider.sysid.likelihood.filtering import negative_log_likelihood, smooth
 from glider.sysid.likelihood.linear_flight import (
     STILL_AIR,
@@ -24,11 +24,11 @@ from glider.sysid.likelihood.linear_flight import (
     linearize,
     path_of,
 )
-from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
+from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import sensed
-from glider.sysid.replay.record import Record
+from glider.sysid.replay.record import Record, evenly
 from glider.sysid.replay.replayed import true_nodes
 from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
@@ -46,6 +46,16 @@ class RolloutModel:
     scales: Scales  #: Of errors over flights and, see `on`, along rollouts.
     per_flight_trims: bool  #: Whether the elevator's angle is another in each flight.
 
+    def of_launch(self, record: Record) -> np.ndarray:
+        """Which measurements (n, C) a launch is fitted to.
+
+        The pose of the first rows; the elevator of all, as an input.
+        """
+        seen = record.seen.copy()
+        rows = beginning_rows(record.time, self.per_flight_trims)
+        seen[rows:, np.arange(seen.shape[1]) != ELEVATOR] = False
+        return seen
+
     def on(self, records: Sequence[Record]) -> "RolloutModel":
         """Returns the model with the errors of its rollouts over flights' beginnings.
 
@@ -54,9 +64,9 @@ class RolloutModel:
         """
         scales = self.scales.without("air", "moment", "servo")
         flights = []
-        for record in typical_flights(records):
-            rows = beginning_rows(record.time, self.per_flight_trims)
-            flights.append(linearize(record.first(rows), self.theta, self.gaussians))
+        for record in evenly(records, FEW_FLIGHTS):
+            begun = dataclasses.replace(record, seen=self.of_launch(record))
+            flights.append(linearize(begun, self.theta, self.gaussians))
 
         costs = negative_log_likelihood(flights, scales)
         flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
@@ -103,16 +113,6 @@ def beginning_rows(time: np.ndarray, per_flight_trims: bool) -> int:
     return min(max(rows, NUM_STATES), len(time))
 
 
-def of_launch(record: Record, rows: int) -> np.ndarray:
-    """Which measurements (n, C) a launch is fitted to.
-
-    The pose of the first rows; the elevator of all, as an input.
-    """
-    seen = record.seen.copy()
-    seen[rows:, np.arange(seen.shape[1]) != ELEVATOR] = False
-    return seen
-
-
 @functools.lru_cache(_LAUNCHES)
 def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surroundings]:
     """Returns the likeliest state (n,) and constants, by a flight's first rows.
@@ -120,8 +120,7 @@ def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surrou
     An elevator that began elsewhere than its first row shows is moved there before its
     path is replayed: at a stop it forgets where it began.
     """
-    rows = beginning_rows(record.time, model.per_flight_trims)
-    beginning = dataclasses.replace(record, seen=of_launch(record, rows))
+    beginning = dataclasses.replace(record, seen=model.of_launch(record))
     about = STILL_AIR
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.gaussians, (), about)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.fitted_functions import FittedFunction
@@ -274,24 +273,6 @@ def _at_bounds(task: Task, model: FitResult) -> set[int]:
     is_none = values == task.vehicle.theta[slots]
     is_shape = np.array([slot in task.space.shapes for slot in slots], dtype=bool)
     return set(np.array(slots)[is_at_end & (is_shape | is_none)].tolist())
-
-
-def survey(task: Task, model: FitResult) -> dict[str, float]:
-    """Computes the evidence of each function beside a model without it [nats].
-
-    On a few flights; minus infinity where the model diverges.
-    """
-    few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
-    candidates = gather(few, model)
-    gram = candidates.total(model.scales)
-    names = [function.name for function in candidates.functions]
-    if not np.all(np.isfinite(gram)):
-        return dict.fromkeys(names, -np.inf)
-    evidence = candidates.evidence(gram)
-    variants = candidates.variants
-    own = [column for kind in model.kinds for column in variants[kind][0]]
-    [before] = evidence.extended(own, [()])
-    return {n: max(evidence.extended(own, variants[n])) - before for n in names}
 
 
 def tame(

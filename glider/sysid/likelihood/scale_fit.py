@@ -11,6 +11,7 @@ from glider.sysid.likelihood.filtering import score, whiten
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scales import CEILING, FLOOR, NAMES, Scales
+from glider.sysid.replay.record import evenly
 
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
@@ -27,8 +28,8 @@ _PRECISION = np.where(
 
 
 def typical_flights(flights: Sequence[Any]) -> Sequence[Any]:
-    """About FEW_FLIGHTS of many, evenly picked."""
-    return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
+    """FEW_FLIGHTS of many, evenly picked."""
+    return evenly(flights, FEW_FLIGHTS)
 
 
 def lifted(scales: Scales) -> Scales:

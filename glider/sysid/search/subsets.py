@@ -11,7 +11,7 @@ import numpy as np
 
 from glider.physics.effects.families import FAMILIES
 from glider.sysid import constants
-from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence
+from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, gather
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
 
@@ -197,6 +197,27 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
         own = constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP
 
     return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own
+
+
+def survey(task: Task, model: FitResult) -> dict[str, float]:
+    """Returns the evidence of each function beside a model without it [nats].
+
+    On a few flights; of none where the model diverges.
+    """
+    few = dataclasses.replace(task.thinned(constants.FEW_FLIGHTS), kinds=())
+    candidates = gather(few, model)
+    gram = candidates.total(model.scales)
+    if not np.all(np.isfinite(gram)):  # It diverges.
+        return {}
+    score = scorer_of(candidates, gram[None])
+    members = score.by_first(model.kinds)
+    gains: dict[str, float] = {}
+    for more in score.larger(members):
+        name, _ = more[-1]
+        gain = score.gain(more) - score.gain(members)
+        gains[name] = max(gains.get(name, gain), gain)
+
+    return gains
 
 
 def near_sets(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[str]]]:
