@@ -83,46 +83,43 @@ class Analysis:
         That is the part after the change, if it has enough flights, or the longer one.
         """
         found = self._run()
-        words = [change.sentence for change in found.changes]
-        kept, gone, side = self._divided(found.changes)
+        if not found.changes:
+            return found
+        [change] = found.changes
+        words = [change.sentence]
+        kept, gone, side = self._divided(change)
         if gone and len(kept) >= _FEWEST:
             self.progress(f"{words[0]} Again on {len(kept)} flights")
             again = self._on(kept)._run()
-            words += [change.sentence for change in again.changes]
+            words += [own.sentence for own in again.changes]
             words.append(
                 f"This report is of the {len(kept)} flights {_OTHER[side]} then; the "
                 f"{len(gone)} {side} then are excluded (trace them with --flights)."
             )
-            why = f"flown {side} the change at {found.changes[0].flight}"
+            why = f"flown {side} the change at {change.flight}"
             rows = [ExcludedRows(file=name, rows=ALL, why=why) for name in gone]
             found = dataclasses.replace(
                 again,
-                changes=(*found.changes, *again.changes),
+                changes=(change, *again.changes),
                 set_aside=tuple(sorted([*again.set_aside, *rows], key=_file_of)),
             )
-        elif found.changes and found.verdict == "no_effect":
-            words.append("No effect is found that is the same in all flights.")
-            return dataclasses.replace(
-                found, verdict="unexplained", reason=" ".join(words)
-            )
+        elif found.verdict == "no_effect":
+            nothing = "No effect is found that is the same in all flights."
+            found = dataclasses.replace(found, verdict="unexplained", reason=nothing)
 
         return dataclasses.replace(found, reason=" ".join([*words, found.reason]))
 
-    def _divided(
-        self, changes: Collection[result.Change]
-    ) -> tuple[list[str], list[str], str]:
+    def _divided(self, change: result.Change) -> tuple[list[str], list[str], str]:
         """Names of the flights to trace, the others, and their side of a change."""
         names = [flight.name for flight in self.inspection.campaign.flights]
         names.sort(key=by_number)
-        for change in changes:
-            if change.flight:
-                at = names.index(change.flight)
-                before, after = names[:at], names[at:]
-                if len(after) >= min(_ENOUGH, len(before)):
-                    return after, before, "before"
-                return before, after, "since"
-
-        return names, [], ""
+        if not change.flight:
+            return names, [], ""
+        at = names.index(change.flight)
+        before, after = names[:at], names[at:]
+        if len(after) >= min(_ENOUGH, len(before)):
+            return after, before, "before"
+        return before, after, "since"
 
     def _on(self, names: Collection[str]) -> "Analysis":
         """The analysis of some of the flights alone."""
@@ -152,11 +149,13 @@ class Analysis:
 
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(task, model)
-            rng = np.random.default_rng(self.settings["seed"])
-            evaluated, tests = evaluate(found, baseline, spreads, rng)
+            seed = self.settings["seed"]
             change = None
             if traced.bank is None:  # Else flights differ by their roll.
+                rng = np.random.default_rng(seed)
                 change = find_change(found.session, model, rng)
+            rng = np.random.default_rng(seed)
+            evaluated, tests = evaluate(found, baseline, spreads, rng)
 
         with self.stage("weigh", "standard errors"):
             flown_values = evaluated["residual_after"].variables

@@ -13,6 +13,7 @@ two angles integrated out: all effects, or all but those that act beside the rol
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -151,29 +152,35 @@ class RollSearch:
         return best
 
     def _best_banks(self, rolls: _Rolls) -> tuple[np.ndarray, np.ndarray]:
-        """Likeliest banks (F, 2), and the curvature of the flights' cost (F, 2, 2)."""
-        task = self.search.task
+        """Likeliest banks (F, 2), and the curvature of the flights' cost (F, 2, 2).
+
+        Each flight's are found alone, by least squares.
+        """
         banks = []
         curvatures = []
-        for record, start in zip(task.records, rolls.banks, strict=True):
-
-            def errors(own: np.ndarray, record: Record = record) -> np.ndarray:
-                rolled = self._rolled([record], own[None], rolls.fin)
-                [flight] = error_flights(task.on(rolled), rolls.model)
-                whitened = whiten(flight, rolls.model.scales).innovations.ravel()
-                whitened = np.nan_to_num(whitened, nan=_DIVERGED)
-                whitened = np.clip(whitened, -_DIVERGED, _DIVERGED)
-                return np.append(whitened, own / rolls.spreads)
-
-            limits = (-_MOST, _MOST)
+        for record, start in zip(self.search.task.records, rolls.banks, strict=True):
             found = least_squares(
-                errors, start, bounds=limits, ftol=_ACCURACY, max_nfev=_STEPS
+                self._errors,
+                start,
+                args=(rolls, record),
+                bounds=(-_MOST, _MOST),
+                ftol=_ACCURACY,
+                max_nfev=_STEPS,
             )
             by_bank = found.jac[:-2]
             banks.append(found.x)
             curvatures.append(by_bank.T @ by_bank)
 
         return np.array(banks), np.array(curvatures)
+
+    def _errors(self, banks: np.ndarray, rolls: _Rolls, record: Record) -> np.ndarray:
+        """Errors of a flight of such banks (2,), and last these, in deviations."""
+        rolled = self._rolled([record], banks[None], rolls.fin)
+        [flight] = error_flights(self.search.task.on(rolled), rolls.model)
+        errors = whiten(flight, rolls.model.scales).innovations.ravel()
+        errors = np.nan_to_num(errors, nan=_DIVERGED)
+        errors = np.clip(errors, -_DIVERGED, _DIVERGED)
+        return np.append(errors, banks / rolls.spreads)
 
     def _rolled(
         self, records: Sequence[Record], banks: np.ndarray, fin: float
@@ -197,7 +204,7 @@ class RollSearch:
 
 
 def attitudes_of(
-    records: Sequence[Record], banks: np.ndarray, fin: float, vehicle: Mapping
+    records: Sequence[Record], banks: np.ndarray, fin: float, vehicle: Mapping[str, Any]
 ) -> list[np.ndarray]:
     """Computes y [m], roll and yaw [rad] at the nodes (n, 3) of flights that roll.
 
@@ -207,43 +214,66 @@ def attitudes_of(
         fin: yaw acceleration over airspeed and slip [1/m].
         vehicle: the glider's parameters by name.
     """
-    arm = vehicle["hinge_offset"] + vehicle["elevator_offset"]
-    push_per_turn = vehicle["pitch_inertia"] / (arm * vehicle["mass"])
     found = []
     for record, ends in zip(records, banks, strict=True):
         time = record.time
         bank = np.interp(time, time[[0, -1]], ends)
-        sin, cos = np.sin(bank), np.cos(bank)
+        sin = np.sin(bank)
+        cos = np.cos(bank)
         # The pitch in the glider's own plane is another.
         sin_pitch = np.clip(np.sin(record.nodes[:, 2]) / cos, -1.0, 1.0)
         cos_pitch = np.sqrt(1.0 - sin_pitch**2)
-        # In x, y and z, before the yaw: the wing's normal and its left.
-        tops = np.column_stack([sin_pitch, -cos_pitch * sin, cos_pitch * cos])
-        lefts = np.column_stack([0.0 * cos, cos, sin])
-        forces = np.insert(record.acceleration[:, :2], 1, 0.0, axis=1)  # Per mass.
-        forces[:, 2] += vehicle["gravity"]
-        velocity = np.insert(record.nodes[:, 4:6], 1, 0.0, axis=1)
-        yaw, turning = np.zeros((2, len(time)))
-        for k, step in enumerate(np.diff(time)):
-            ahead, aside = np.cos(yaw[k]), np.sin(yaw[k])
-            turn = np.array(
-                [[ahead, -aside, 0.0], [aside, ahead, 0.0], [0.0, 0.0, 1.0]]
-            )
-            top = turn @ tops[k]
-            left = turn @ lefts[k]
-            in_plane = top[0] ** 2 + top[2] ** 2
-            lift = forces[k] @ top / max(in_plane, _LEAST_IN_PLANE)
-            slip = velocity[k] @ left
-            speed = np.linalg.norm(velocity[k])
-            weathervane = fin * speed * (slip - arm * turning[k])
-            push = lift * top[1] - push_per_turn * weathervane * left[1]
-            velocity[k + 1, 1] = velocity[k, 1] + step * push
-            turning[k + 1] = turning[k] + step * weathervane
-            yaw[k + 1] = yaw[k] + step * turning[k + 1]
-
-        y = cumulative_trapezoid(velocity[:, 1], time, initial=0.0)
+        normal = np.column_stack([sin_pitch, -cos_pitch * sin, cos_pitch * cos])
+        left = np.column_stack([0.0 * cos, cos, sin])
+        aside, yaw = _fly_aside(record, normal, left, fin, vehicle)
+        y = cumulative_trapezoid(aside, time, initial=0.0)
         roll = np.arctan2(sin, cos_pitch * cos)
         yaw = yaw + np.arctan2(sin_pitch * sin, cos_pitch)
         found.append(np.column_stack([y, roll, yaw]))
 
     return found
+
+
+def _fly_aside(
+    record: Record,
+    normal: np.ndarray,
+    left: np.ndarray,
+    fin: float,
+    vehicle: Mapping[str, Any],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Computes the velocity in y [m/s], and the yaw [rad], at a flight's nodes (n,).
+
+    Args:
+        record: the flight, whose motion in x and z is the measured one.
+        normal: (n, 3) of the wing in x, y and z, before the yaw.
+        left: (n, 3) axis of the wing, before the yaw.
+        fin: yaw acceleration over airspeed and slip [1/m].
+        vehicle: the glider's parameters by name.
+    """
+    arm = vehicle["hinge_offset"] + vehicle["elevator_offset"]
+    push_per_turn = vehicle["pitch_inertia"] / (arm * vehicle["mass"])
+    velocity = np.insert(record.nodes[:, 4:6], 1, 0.0, axis=1)
+    force = np.insert(record.acceleration[:, :2], 1, 0.0, axis=1)  # Per mass.
+    force[:, 2] += vehicle["gravity"]
+    yaw = np.zeros(len(normal))
+    rate = np.zeros(len(normal))
+    turn = np.eye(3)
+    for k, step in enumerate(np.diff(record.time)):
+        sin = np.sin(yaw[k])
+        cos = np.cos(yaw[k])
+        turn[0, :2] = cos, -sin
+        turn[1, :2] = sin, cos
+        up = turn @ normal[k]
+        wing = turn @ left[k]
+        # The force in the plane is the lift's share of it.
+        share = max(up[0] ** 2 + up[2] ** 2, _LEAST_IN_PLANE)
+        lift = force[k] @ up / share
+        slip = velocity[k] @ wing
+        speed = np.linalg.norm(velocity[k])
+        weathervane = fin * speed * (slip - arm * rate[k])
+        push = lift * up[1] - push_per_turn * weathervane * wing[1]
+        velocity[k + 1, 1] = velocity[k, 1] + step * push
+        rate[k + 1] = rate[k] + step * weathervane
+        yaw[k + 1] = yaw[k] + step * rate[k + 1]
+
+    return velocity[:, 1], yaw
