@@ -23,8 +23,7 @@ from scipy.special import stdtr
 from glider.sysid.constants import LEAST_SPREAD
 from glider.sysid.fit.folds import LinearFlights
 from glider.sysid.likelihood.candidates import Candidates
-from glider.sysid.likelihood.information import counted_from
-from glider.sysid.likelihood.model_fit import Prior
+from glider.sysid.likelihood.information import Prior, counted_from
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import Change
 from glider.sysid.search.tracing import without_late

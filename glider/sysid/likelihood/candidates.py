@@ -10,6 +10,7 @@ from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.fitted_functions import FittedFunction
 from glider.sysid.likelihood.information import (
     Evidence,
+    Prior,
     counted_from,
     eliminate,
     solve,
@@ -77,7 +78,7 @@ class Candidates:
 
         return counted_from(total, self.nothing()[0])
 
-    def nothing(self) -> tuple[np.ndarray, model_fit.Prior]:
+    def nothing(self) -> tuple[np.ndarray, Prior]:
         """Returns the model without effects, and the prior about it.
 
         That is what of each column acts in the model (m,), see `counted_from`.
@@ -103,15 +104,13 @@ class Candidates:
         """
         _, prior = self.nothing()
         always = self.always
-        at = np.array([j for j, _ in self.columns], dtype=int)
+        rest = eliminate(gram, always, prior.precision[always])
+        at = [column for column, _ in self.columns]
         strengths = np.array([strength for _, strength in self.columns])
-        return Evidence(
-            gram=eliminate(gram, always, prior.precision[always], prior.mean[always]),
-            at=at,
-            precision=prior.precision[at] / strengths**2,
-            lower=prior.lower[at],
-            upper=prior.upper[at],
-        )
+        prior = prior.among(at)
+        precision = prior.precision / strengths**2
+        prior = dataclasses.replace(prior, precision=precision)
+        return Evidence(gram=rest, at=np.array(at, dtype=int), prior=prior)
 
 
 class HeldOutEvidence:

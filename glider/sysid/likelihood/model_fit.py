@@ -21,7 +21,7 @@ from glider.sysid.likelihood.filtering import (
     whiten,
 )
 from glider.sysid.likelihood.fitted_functions import FittedFunction, values_at_nodes
-from glider.sysid.likelihood.information import bounded_step, solve_scaled
+from glider.sysid.likelihood.information import Prior, solve_scaled
 from glider.sysid.likelihood.linear_flight import (
     FORCES,
     STILL_AIR,
@@ -85,39 +85,6 @@ def linear_flight(
 def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
     """Returns all flights with one column, their error under a model."""
     return [flight.error_only() for flight in linear_flights(task, model, ())]
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Prior:
-    """Prior of changes of a model: along slots of theta, then of its functions."""
-
-    mean: np.ndarray  #: (m,) expected changes.
-    precision: np.ndarray  #: (m,)
-    lower: np.ndarray  #: (m,) least changes that are physical.
-    upper: np.ndarray  #: (m,) largest.
-
-    def among(self, columns: Sequence[int]) -> "Prior":
-        """Returns the prior of some of the columns."""
-        return Prior(**{name: own[columns] for name, own in vars(self).items()})
-
-    def added_to(self, gram: np.ndarray) -> np.ndarray:
-        """Returns a Gram matrix with the prior added as one more flight."""
-        total = gram.copy()
-        total[:-1, :-1] += np.diag(self.precision)
-        total[:-1, -1] += self.precision * self.mean
-        total[-1, :-1] = total[:-1, -1]
-        total[-1, -1] += float(self.precision @ self.mean**2)
-        return total
-
-    def best_step(self, gram: np.ndarray) -> np.ndarray:
-        """Returns the most probable physical change (m,)."""
-        return bounded_step(self.added_to(gram), self.lower, self.upper)
-
-    def gain(self, gram: np.ndarray, step: np.ndarray) -> float:
-        """Returns by how much a change (m,) is more probable than none [nats]."""
-        total = self.added_to(gram)
-        left = np.append(-step, 1.0)
-        return 0.5 * float(total[-1, -1] - left @ total @ left)
 
 
 def prior_of(

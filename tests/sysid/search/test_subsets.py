@@ -8,7 +8,7 @@ import pytest
 
 from glider.sysid.constants import EVIDENCE_THRESHOLD as EVIDENCE
 from glider.sysid.constants import MOST_EFFECTS
-from glider.sysid.likelihood.information import Evidence
+from glider.sysid.likelihood.information import Evidence, Prior
 from glider.sysid.search.subsets import (
     Scorer,
     best_of_sizes,
@@ -27,13 +27,13 @@ def offering(variants):
 
 def scorer(table, variants, price=EVIDENCE_THRESHOLD):
     count = table.shape[1] - 1
-    evidence = Evidence(
-        gram=table.T @ table,
-        at=np.arange(count),
+    prior = Prior(
+        mean=np.zeros(count),
         precision=np.full(count, 0.01),
         lower=np.full(count, -np.inf),
         upper=np.full(count, np.inf),
     )
+    evidence = Evidence(gram=table.T @ table, at=np.arange(count), prior=prior)
     return Scorer(offering(variants), evidence, lambda kind, kinds: price)
 
 
