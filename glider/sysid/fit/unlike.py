@@ -5,8 +5,8 @@ model flies others. What it is worth there shows where the farthest are left out
 """
 
 import math
-from collections.abc import Callable, Mapping
-from itertools import compress, product
+from collections.abc import Mapping
+from itertools import compress
 
 import numpy as np
 
@@ -24,13 +24,8 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.tracing import refitted
 
-_FEATURES: dict[str, Callable[[np.ndarray], float]] = {
-    "{} at launch": lambda values: values[0],
-    "least {}": np.min,
-    "median {}": np.median,
-    "largest {}": np.max,
-}
-"""What of a variable along a flight is compared, by its words."""
+_FEATURES = "{} at launch", "least {}", "median {}", "largest {}"
+"""What of a variable along a flight is compared."""
 
 
 def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
@@ -42,15 +37,14 @@ def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
     """
     count = len(table.names)
     ends = np.flatnonzero(np.diff(table.flight)) + 1
-    columns = []
-    spreads = []
-    compared = list(product(FLOW_UNITS, _FEATURES.items()))
-    for variable, (_, feature) in compared:
-        values = table.variables[variable]
-        columns.append([feature(own) for own in np.split(values, ends)])
-        spreads.append(max(np.std(values), 1e-12))  # A fixed elevator has none.
+    values = np.column_stack([table.variables[name] for name in FLOW_UNITS])
+    spreads = np.maximum(np.std(values, axis=0), 1e-12)  # A fixed elevator has none.
+    found = []
+    for own in np.split(values / spreads, ends):
+        middle = np.median(own, axis=0)
+        found.append(np.stack([own[0], own.min(axis=0), middle, own.max(axis=0)]))
 
-    features = np.array(columns).T / spreads
+    features = np.reshape(found, (count, -1))
     *_, axes = np.linalg.svd(features - features.mean(axis=0), full_matrices=False)
     along = features @ axes[0]
     order = np.argsort(along)
@@ -63,13 +57,14 @@ def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
     is_unlike[order[:size] if first.max() > last.max() else order[-size:]] = True
 
     here, others = (np.median(features[own], axis=0) for own in (is_unlike, ~is_unlike))
-    most = np.argmax(np.abs(here - others))
-    variable, (words, _) = compared[most]
+    most = int(np.argmax(np.abs(here - others)))
+    feature, column = divmod(most, len(spreads))
+    variable = list(FLOW_UNITS)[column]
     return is_unlike, Difference(
-        what=words.format(variable),
+        what=_FEATURES[feature].format(variable),
         unit=FLOW_UNITS[variable],
-        value=float(spreads[most] * here[most]),
-        others=float(spreads[most] * others[most]),
+        value=float(spreads[column] * here[most]),
+        others=float(spreads[column] * others[most]),
     )
 
 
