@@ -12,6 +12,7 @@ two angles integrated out: all effects, or all but those that act beside the rol
 """
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -25,7 +26,7 @@ from glider.physics.parameters import GliderParameters
 from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
-from glider.sysid.likelihood.task import FitResult
+from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Noise, Record, prepare
 from glider.sysid.search.moves import Search
 from glider.sysid.search.tracing import SearchResult
@@ -107,16 +108,27 @@ class RollSearch:
         gain = model.cost + model.freedom - rolls.cost - rolls.model.freedom
         return float(rolls.spreads[1]), gain
 
-    def _begun(self, model: FitResult, fin: float) -> tuple[_Rolls, float]:
-        """Flights that roll by the likeliest of some banks, and what that gains."""
+    @functools.cached_property
+    def _usual(self) -> list[Task]:
+        """Those of `_probed` of the usual fin, beside all models."""
+        return self._probed(_FINS[0])
+
+    def _probed(self, fin: float) -> list[Task]:
+        """The task on flights that all roll by one of _PROBES, for each of them."""
         task = self.search.task
-        tasks = [task]
+        found = []
         for bank in _PROBES:
             banks = np.tile([0.0, bank], (len(task.records), 1))
-            tasks.append(task.on(self._rolled(task.records, banks, fin)))
+            found.append(task.on(self._rolled(task.records, banks, fin)))
+
+        return found
+
+    def _begun(self, model: FitResult, fin: float) -> tuple[_Rolls, float]:
+        """Flights that roll by the likeliest of some banks, and what that gains."""
+        tasks = self._usual if fin == _FINS[0] else self._probed(fin)
         costs = [
             negative_log_likelihood(error_flights(own, model), model.scales)
-            for own in tasks
+            for own in (self.search.task, *tasks)
         ]
         last = np.array(_PROBES)[np.argmin(costs[1:], axis=0)]
         spread = np.sqrt(np.mean(last**2))
