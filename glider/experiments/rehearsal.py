@@ -399,7 +399,7 @@ class Strengths:
         scales = self.scales
         for _ in range(_ROUNDS if fitted else 1):
             flights = [flight.combined(moved) for flight in self.flights]
-            scales = fit_scales(flights, scales, iterations=_ITERATIONS).scales
+            scales, _ = fit_scales(flights, scales, iterations=_ITERATIONS)
             if fitted:
                 gram = grams_of(self.flights, scales).sum(axis=0)
                 inner = gram[np.ix_(fitted, fitted)] + np.diag(self.precision)

@@ -136,7 +136,7 @@ def rollout_models(
     if varies:
         theta = vector_of(last)
         flights = [linearize(r, theta, last.gaussians) for r in records]
-        fitted, cost, _ = fit_scales(flights, scales)
+        fitted, cost = fit_scales(flights, scales)
         scales = fitted if np.isfinite(cost) else scales  # A model may diverge.
     has_trims = make_vehicle(campaign).per_flight_trims
     if not varies:

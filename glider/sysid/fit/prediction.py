@@ -70,7 +70,7 @@ class RolloutModel:
 
         costs = negative_log_likelihood(flights, scales)
         flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
-        scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
+        scales, _ = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20)
         return dataclasses.replace(self, scales=scales)
 
 

@@ -306,7 +306,7 @@ def saturated(candidates: Candidates, rounds: int) -> FitResult:
         gram = model_fit.grams_of(acting, scales).sum(axis=0)
         change = solve(prior.added_to(gram))
         flights = [f.combined(change) for f in acting]
-        scales = fit_scales(flights, scales, iterations=3).scales
+        scales, _ = fit_scales(flights, scales, iterations=3)
 
     model = dataclasses.replace(model, scales=scales)
     own = model_fit.in_surroundings(candidates.task, model, flights).about

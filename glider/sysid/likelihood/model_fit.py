@@ -126,7 +126,6 @@ def fit_model(
     step = None
     tries = 0
     current = model
-    curvature = None
     about_moves = True
     promised = np.inf
     flights = now = list[LinearFlight]()
@@ -138,13 +137,8 @@ def fit_model(
         if not iteration and len(free_scales) == len(NAMES):
             scales = lifted(scales)
         if free_scales:
-            scales, value, curvature = fit_scales(
-                now,
-                scales,
-                free_scales,
-                iterations=2 if iteration else 6,
-                curvature=curvature,
-            )
+            steps = 2 if iteration else 6
+            scales, value = fit_scales(now, scales, free_scales, steps)
         else:
             value = float(negative_log_likelihood(now, scales).sum())
 

@@ -285,7 +285,7 @@ def _trace_by_predictions(task: Task, noise: Noise, progress: Progress) -> Searc
         model = fit_model(task, score.begin(members), free_scales=())
         # With the errors that it leaves in the forces.
         flights = error_flights(task, model)
-        scales = fit_scales(flights, model.scales, free=("air", "air_time")).scales
+        scales, _ = fit_scales(flights, model.scales, free=("air", "air_time"))
         model = dataclasses.replace(model, scales=scales)
         if frozenset(model.kinds) in tried:
             break
