@@ -6,12 +6,12 @@ from glider.compiled.kernel import called_code, machine_code
 
 
 @called_code
-def _factorize(a, first):
+def _factorize(a):
     """Writes the Cholesky factor of a (n, n) into its lower half; False: there is none.
 
-    By rows, each of which is along the memory; those before the first have it already.
+    By rows, each of which is along the memory.
     """
-    for i in range(first, a.shape[0]):
+    for i in range(a.shape[0]):
         for j in range(i + 1):
             total = a[i, j]
             for k in range(j):
@@ -26,9 +26,9 @@ def _factorize(a, first):
 
 
 @called_code
-def _solve_lower(factor, b, first):
-    """Overwrites b (n,) by L⁻¹ b, from the first row on."""
-    for i in range(first, b.shape[0]):
+def _solve_lower(factor, b):
+    """Overwrites b (n,) by L⁻¹ b."""
+    for i in range(b.shape[0]):
         for k in range(i):
             b[i] -= factor[i, k] * b[k]
         b[i] /= factor[i, i]
@@ -41,17 +41,6 @@ def _solve_upper(factor, b):
         b[i] /= factor[i, i]
         for k in range(i):
             b[k] -= factor[i, k] * b[i]
-
-
-@called_code
-def _fill(a, b, first, gram, at, precision, index):
-    """Writes the rows of A, from the first on, into a lower half, and those of b."""
-    for i in range(first, index.shape[0]):
-        row = gram[at[index[i]]]
-        for j in range(i + 1):
-            a[i, j] = row[at[index[j]]]
-        a[i, i] += precision[index[i]]
-        b[i] = row[-1]
 
 
 @machine_code
@@ -73,31 +62,22 @@ def extended(gram, at, precision, low, high, own, more, ends, gains):
         gains: (s,), written.
     """
     gains[:] = -np.inf
-    common = own.shape[0]
-    most = common
     begin = 0
     for s in range(ends.shape[0]):
-        most = max(most, common + ends[s] - begin)
+        index = np.concatenate((own, more[begin : ends[s]]))
         begin = ends[s]
-    index = np.empty(most, own.dtype)
-    index[:common] = own
-    factors = np.empty((most, most))
-    solved = np.empty(most)
-    _fill(factors, solved, 0, gram, at, precision, own)
-    if not _factorize(factors[:common, :common], 0):
-        return
-    _solve_lower(factors, solved[:common], 0)
-    begin = 0
-    for s in range(ends.shape[0]):
-        count = common + ends[s] - begin
-        index[common:count] = more[begin : ends[s]]
-        begin = ends[s]
-        factor = factors[:count, :count]
-        _fill(factor, solved, common, gram, at, precision, index[:count])
-        if not _factorize(factor, common):
+        count = index.shape[0]
+        factor = np.empty((count, count))
+        step = np.empty(count)
+        for i in range(count):
+            row = gram[at[index[i]]]
+            for j in range(i + 1):
+                factor[i, j] = row[at[index[j]]]
+            factor[i, i] += precision[index[i]]
+            step[i] = row[-1]
+        if not _factorize(factor):
             continue
-        step = solved[:count].copy()
-        _solve_lower(factor, step, common)
+        _solve_lower(factor, step)
         value = step @ step
         for i in range(count):
             value += np.log(precision[index[i]]) - 2.0 * np.log(factor[i, i])
