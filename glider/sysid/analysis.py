@@ -8,6 +8,7 @@ import importlib.metadata
 import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -101,7 +102,9 @@ class Analysis:
             found = dataclasses.replace(
                 again,
                 changes=(change, *again.changes),
-                set_aside=tuple(sorted([*again.set_aside, *rows], key=_file_of)),
+                set_aside=tuple(
+                    sorted([*again.set_aside, *rows], key=attrgetter("file"))
+                ),
             )
         elif found.verdict == "no_effect":
             nothing = "No effect is found that is the same in all flights."
@@ -197,7 +200,7 @@ class Analysis:
             alternatives=alternatives,
             covariance=outcome.covariance_of(task, known),
             warnings=self._warnings(evaluated["unlike"]),
-            set_aside=tuple(sorted(rows, key=_file_of)),
+            set_aside=tuple(sorted(rows, key=attrgetter("file"))),
             noise=result.MeasurementNoise(found.noise.position, found.noise.pitch),
             log_findings=self.inspection.warnings + servo,
             own_effects=tuple(space.kinds[n] for n in self.settings["own_effects"]),
@@ -320,10 +323,6 @@ def _about_diverged(flights: result.FlightNames) -> str:
 
 def _first_sentence(text: str) -> str:
     return text.partition(". ")[0].rstrip(".") + "."
-
-
-def _file_of(rows: ExcludedRows) -> str:
-    return rows.file
 
 
 def _weigh(

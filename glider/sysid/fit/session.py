@@ -139,13 +139,10 @@ def change_of(
 def _columns_of(candidates: Candidates, grams: np.ndarray) -> list[int]:
     """Columns of the sizes of formulas that show in a flight."""
     space = candidates.task.space
-    columns = []
-    for kind, variants in candidates.variants.items():
-        if kind in space.kinds:
-            offered = {j for variant in variants for j in variant}
-            sizes = [j for j in offered if candidates.slots[j] not in space.shapes]
-            columns += sorted(j for j in sizes if np.any(grams[:, j, j] > 0.0))
-    return columns
+    formulas = candidates.variants.keys() & space.kinds.keys()
+    offered = {j for kind in formulas for own in candidates.variants[kind] for j in own}
+    sizes = [j for j in sorted(offered) if candidates.slots[j] not in space.shapes]
+    return [j for j in sizes if np.any(grams[:, j, j] > 0.0)]
 
 
 def by_number(name: str) -> list[tuple[int, str]]:

@@ -1,7 +1,6 @@
 """The fit of the scales of noise to flights: Fisher scoring and BFGS."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -25,11 +24,6 @@ _USUAL = Scales().logs
 _PRECISION = np.where(
     np.array(NAMES) == "air_time", (0.25 * (CEILING.logs - FLOOR.logs)) ** -2.0, 0.0
 )
-
-
-def typical_flights(flights: Sequence[Any]) -> Sequence[Any]:
-    """FEW_FLIGHTS of many, evenly picked."""
-    return evenly(flights, FEW_FLIGHTS)
 
 
 def lifted(scales: Scales) -> Scales:
@@ -130,7 +124,7 @@ def _information(
     steps = _STEP_OF_LOG * np.eye(len(logs))[index]
     moved = [Scales.from_logs(logs + s) for s in steps]
     scales = Scales.from_logs(logs)
-    few = typical_flights(flights)
+    few = evenly(flights, FEW_FLIGHTS)
 
     def one(flight: LinearFlight) -> np.ndarray:
         base = whiten(flight, scales)
