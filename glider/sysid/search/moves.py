@@ -175,7 +175,7 @@ class Search:
         own = score.by_first(model.kinds)
         found: dict[str, Members] = {}
         for other in (*score.larger(own), *score.swapped(own)):
-            kind, _ = other[-1]
+            [(kind, _)] = {*other} - {*own}
             best = found.get(kind, other)
             found[kind] = max(best, other, key=score)
 
