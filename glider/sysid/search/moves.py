@@ -89,10 +89,15 @@ class Search:
         if self._near[0] is self.task and self._near[1] is model:
             return self._near[2]
         few = self.task.thinned(MANY_FLIGHTS)
-        formulas = gather(few.offering(few.kinds), model)
-        about = saturated(formulas, 2 if np.isfinite(model.cost) else 3)
-        del formulas  # Before there are others.
-        candidates = gather(few, about)
+        candidates = gather(few, model)
+        about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
+        if about.scales.is_still:
+            about = dataclasses.replace(about, about=model.about)
+            candidates = dataclasses.replace(candidates, model=about)
+        else:
+            del candidates  # Before there are others.
+            candidates = gather(few, about)
+
         gram = candidates.total(about.scales)
         score = None
         if np.all(np.isfinite(gram)):
