@@ -379,7 +379,7 @@ class Strengths:
         precision: np.ndarray,
     ):
         """Fits the strengths to the flights as they are."""
-        self.flights = [flight.whole for flight in flights]  # For all steps.
+        self.flights = [flight.expanded() for flight in flights]  # For all steps.
         self.scales = scales
         self.fitted = list(fitted)
         self.precision = precision

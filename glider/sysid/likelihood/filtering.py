@@ -91,7 +91,7 @@ def _filter(
     smoothed: int = 0,
 ) -> FilterArrays:
     """Filters a flight, of which so many nodes are to be smoothed."""
-    flight = flight.whole
+    flight = flight.expanded()
     record = flight.record
     n = len(flight.states)
     usual = start_variances(flight, scales)

@@ -77,7 +77,7 @@ class LinearFlight:
     shows: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
-    #: More columns, which `whole` has before the last: each block is of an effect of
+    #: More columns, which `expanded` has before the last: each block is of an effect of
     #: FREE_FUNCTIONS, with its values (K, q) at the midpoints of intervals; or
     #: (K + 1, q) at the nodes, if sensors show it.
     added: Sequence[tuple[EffectKind, np.ndarray]] = ()
@@ -85,7 +85,7 @@ class LinearFlight:
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
-        whole = self.whole
+        whole = self.expanded()
         mix = np.append(-weights, 1.0)
         return dataclasses.replace(
             whole,
@@ -100,9 +100,8 @@ class LinearFlight:
         alone = dataclasses.replace(self, added=())
         return alone.combined(np.zeros(self.inputs.shape[2] - 1))
 
-    @property
-    def whole(self) -> "LinearFlight":
-        """The flight with all columns, which take ten times the memory."""
+    def expanded(self) -> "LinearFlight":
+        """Makes the flight with all columns, which take ten times the memory."""
         if not self.added:
             return self
         first = self.inputs.shape[2] - 1

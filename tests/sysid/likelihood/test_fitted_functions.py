@@ -82,10 +82,10 @@ def test_functions_of_the_same_variables_have_their_own_gaussians(vent):
     apart = dataclasses.replace(function, centers=function.centers + 0.1)
     record = search.task.records[0]
     functions = [function, wide, apart, function]
-    found = linear_flight(plate, (), record, functions).whole
+    found = linear_flight(plate, (), record, functions).expanded()
     blocks = np.split(found.inputs[..., :-1], len(functions), axis=2)
     for own, block in zip(functions, blocks, strict=True):
-        alone = linear_flight(plate, (), record, [own]).whole
+        alone = linear_flight(plate, (), record, [own]).expanded()
         np.testing.assert_array_equal(block, alone.inputs[..., :-1])
     assert len({block.tobytes() for block in blocks}) == 3
 
