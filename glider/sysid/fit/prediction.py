@@ -64,7 +64,7 @@ class RolloutModel:
         """
         scales = self.scales.without("air", "moment", "servo")
         flights = []
-        for record in evenly(records, FEW_FLIGHTS):
+        for record in evenly(records, 2 * FEW_FLIGHTS):
             begun = dataclasses.replace(record, seen=self.of_launch(record))
             flights.append(linearize(begun, self.theta, self.gaussians))
 
