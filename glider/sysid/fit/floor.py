@@ -54,7 +54,10 @@ _TURNED = [PITCH, PITCH_RATE]  # and those that are measured.
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Floor:
-    """Squared errors of a perfect model on flights, replica by replica."""
+    """Squared errors of a perfect model on flights, replica by replica.
+
+    A replica is the flight with other noise, moving air and constants.
+    """
 
     rows: np.ndarray  #: (F,) seen of each flight.
     squares: np.ndarray  #: (F, 4, R) as of `prediction.mean_squares`.
@@ -100,7 +103,10 @@ class Perfect:
 
 
 class Compared(NamedTuple):
-    """Flights predicted by models that were not fitted to them."""
+    """Flights predicted by models that were not fitted to them.
+
+    The corrected model is compared with a perfect one too.
+    """
 
     flown: dict[str, list[Prediction]]  #: By each model.
     errors: dict[str, Errors]  #: Of each, and of a perfect one.
@@ -131,12 +137,14 @@ def compare(
         for name, model in models.items()
     }
     squares = {name: mean_squares(records, own) for name, own in flown.items()}
+    # Errors are of the flights that count.
     counts = which_count(squares.values())
     counted = list(compress(records, counts))
     errors = {
         name: errors_from(own[counts, :, None], rows_of(counted), equation[name])
         for name, own in squares.items()
     }
+    # What is left is put to chance, or not, on more flights than these.
     own = models["corrected"]
     beside = [record for record in more if record not in counted]
     beside = beside[: max(0, MANY_FLIGHTS - len(counted))]
@@ -172,6 +180,7 @@ def find_floor(
 def _moves_of(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns how a flight's deviations, N = n + 8, move in each interval (K, N, N)."""
     n = len(flight.states)
+    # Moving air and moments decay, constants stay.
     steps = np.diff(flight.record.time)[:, None]
     processes = range(n, n + PROCESSES)
     moves = np.tile(np.eye(n + OWN_STATES), (len(steps), 1, 1))
@@ -214,8 +223,8 @@ def _squares(
     beginning = model.of_launch(record)
     diverging = np.full((4, _REPLICAS), np.inf)
 
-    # Their launches differ by the elevator's rest and memory alone; accelerations that
-    # no model has do not happen.
+    # Replicas, whose launches differ by the elevator's rest and memory alone.
+    # Accelerations that no model has do not happen.
     stds = np.sqrt(start_variances(flight, truth))
     stds[[i for i in range(NUM_STATES) if i != ELEVATOR]] = 0.0
     stds[n + 2] = 0.0
@@ -227,7 +236,8 @@ def _squares(
     noise = np.array(truth.sensors[:channels])[:, None]
     measured += rng.normal(size=measured.shape) * noise
 
-    # Rollouts have next to no process noise: their filter is a regression.
+    # Each is predicted from the launch that its beginning shows. Rollouts have next
+    # to no process noise: their filter is a regression.
     shown = _flown(moves, shows, np.eye(total))
     if not np.max(np.abs(shown)) < _GROWTH:
         return diverging

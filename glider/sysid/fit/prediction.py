@@ -151,6 +151,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     zero = np.array([0.0, 0.0, pitch_zero])
     states = roll_out(kinds, path, launch, dynamics, model.gaussians)
 
+    # Along the measured pitch, which the model's sensors read otherwise.
     nodes = true_nodes(record, model.theta, model.gaussians)
     turned = (nodes - record.nodes)[:, [2, 6]] - zero[[2, 0]]
     middle = 0.5 * (turned[1:] + turned[:-1])
@@ -171,6 +172,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     def missed(change: np.ndarray) -> np.ndarray:
         return (record.pose[:rows, :2] - places(change, beginning))[seen]
 
+    # The place and the velocity of its launch are fitted again.
     change = np.zeros(4)
     if np.all(np.isfinite(missed(change))):
         change, _ = leastsq(missed, change, epsfcn=_SMALL**2)

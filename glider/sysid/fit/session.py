@@ -86,11 +86,14 @@ def change_of(
         beta += acting
     known = grams.sum(axis=0)
     information = known[np.ix_(beta, beta)] + np.diag(prior.precision[beta])
+    # The terms of the formulas: L⁻¹, z and, of each flight and coefficient, L⁻¹ G[β, δ]
+    # (n, b, m), G[δ, error] and G[δ, δ] (n, m).
     inverse_root = np.linalg.inv(np.linalg.cholesky(information))
     z = inverse_root @ known[beta, -1]
     beta_delta = inverse_root @ grams[:, beta][:, :, columns]
     delta_error = grams[:, columns, -1]
     delta_delta = grams[:, columns, columns]
+    # Shares (k, n) of the flights in each change, by their order.
     # Row k is of the break at flight k; the first and last leave too few on a side.
     breaks = np.triu(np.ones((count, count)))[_LEAST_SIDE : count - _LEAST_SIDE + 1]
     shares = np.vstack([breaks, np.linspace(-0.5, 0.5, count)])
@@ -116,6 +119,7 @@ def change_of(
     row, column = divmod(int(np.argmax(gains)), len(columns))
     if gains[row, column] == 0.0:
         return None
+    # Is it chance? By the scatter of the values, or else by permutations.
     weights = delta_delta[order, column]
     values = delta_error[order, column] / np.maximum(weights, 1e-300)
     if _chance_of_slope(values, weights, shares[row]) * gains.size > 0.5 * _LEVEL:

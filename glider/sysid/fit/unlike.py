@@ -46,6 +46,7 @@ def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
 
     features = np.reshape(found, (count, -1))
     *_, axes = np.linalg.svd(features - features.mean(axis=0), full_matrices=False)
+    # The widest gap near either end divides the flights.
     along = features @ axes[0]
     order = np.argsort(along)
     gaps = np.diff(along[order])

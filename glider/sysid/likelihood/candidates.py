@@ -140,6 +140,7 @@ class HeldOutEvidence:
         sizes = np.array([len(own) for own in sets])
         gains = np.zeros(len(sets))
         for size in np.unique(sizes[sizes > always]):
+            # Equally large sets at once, in parts that fit the memory.
             at = np.flatnonzero(sizes == size)
             parts = 1 + len(at) * len(self._own) * size**2 // _MOST_ENTRIES
             for part in np.array_split(at, min(parts, len(at))):
@@ -200,11 +201,13 @@ def gather(task: Task, model: FitResult) -> Candidates:
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
 
+    # Formulas that diverge on a flight are no candidates.
     flights = model_fit.linear_flights(task, model, directions, functions)
     wild = tame(task, directions, flights)
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
 
+    # Columns of functions that act, and of others, each with several strengths.
     places = model.places(len(directions))
     variants |= {kind: [tuple(places[kind])] for kind in model.free_kinds}
     first = len(directions) + len(model.coordinates)

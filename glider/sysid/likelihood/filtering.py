@@ -192,6 +192,7 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         arrays, *slopes, _ = _traced_back(flight, scales)
         by_sensor, by_start, by_power, by_time = slopes
+        # By the logarithm of a deviation: twice the variance times the slope by it.
         start = arrays.start
         sensors = 2.0 * arrays.variance * by_sensor
         by_start[n : n + PROCESSES] += by_power

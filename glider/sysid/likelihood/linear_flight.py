@@ -175,6 +175,7 @@ def linearize(
         for j, d in moving.items()
         if d.slot < space.num_flown and not (d.shapes and d.kind in space.states)
     ]
+    # Where the flight begins off its measured node, and off its own constants.
     moved = np.empty((len(plain), len(dynamics)))
     sizes = np.empty(len(plain))
     start = np.zeros((len(states) + OWN_STATES, columns))
@@ -189,6 +190,7 @@ def linearize(
             own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
             start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
 
+    # All that is smooth at once: by states, by constants of terms, by plain directions.
     index = [ROWS[name] for name in shown]
     width = states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
@@ -207,6 +209,7 @@ def linearize(
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
 
+    # The filter's own states move with those of the flight.
     n = len(states)
     step = np.diff(record.time)
     by_term = by_term.take(states, 1)

@@ -147,6 +147,7 @@ def fit_model(
             current = in_surroundings(task, current, now)
             continue
 
+        # Is it better? Else a shorter step is tried from the best model.
         prior = prior_of(task, current, start=model.theta)
         value += 0.5 * float(prior.precision @ prior.mean**2)
         value = value if np.isfinite(value) else np.inf
@@ -169,6 +170,7 @@ def fit_model(
         is_done = gained < _TOLERANCE and _TRUSTED * promised < _TOLERANCE
         if is_done and iteration >= _FEWEST_ITERATIONS:
             break
+        # The next step, and what the flights' surroundings are after it.
         gram = grams_of(flights, scales).sum(axis=0)
         step = prior.best_step(gram)
         promised = prior.gain(gram, step)
@@ -236,6 +238,7 @@ def _fit_strength(
     gram = grams_of(flights, model.scales).sum(axis=0)
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
+    # The fixed point: strengths by the coordinates, these by the strengths.
     of_functions = slice(len(model.free), None)
     start = model.coordinates
     unit = np.eye(len(gram) - 1)
@@ -254,6 +257,7 @@ def _fit_strength(
         model = dataclasses.replace(model, functions=tuple(functions))
         prior = prior_of(task, model)
 
+    # Of the volume, the share that the flights leave of the prior's.
     total = prior.added_to(gram)
     precision = prior.precision[own]
     relative = solve_scaled(total[:-1, :-1], unit, 1e-12)[np.ix_(own, own)]
