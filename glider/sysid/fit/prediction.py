@@ -16,7 +16,7 @@ from glider.compiled.filter_error import ELEVATOR, PROCESSES
 from glider.compiled.replay import OFFSET, LogPath, roll_out
 from glider.physics.effects import Gaussians
 from glider.physics.state import NUM_STATES
-from glider.sysid.constants import BEGINNING, FEW_FLIGHTS, LARGEST_ERROR, Z
+from glider.sysid.constants import BEGINNING, LARGEST_ERROR, MANY_FLIGHTS, Z
 from glider.sysid.likelihood.filtering import negative_log_likelihood, smooth
 from glider.sysid.likelihood.linear_flight import (
     STILL_AIR,
@@ -64,7 +64,7 @@ class RolloutModel:
         """
         scales = self.scales.without("air", "moment", "servo")
         flights = []
-        for record in evenly(records, 2 * FEW_FLIGHTS):
+        for record in evenly(records, MANY_FLIGHTS):
             begun = dataclasses.replace(record, seen=self.of_launch(record))
             flights.append(linearize(begun, self.theta, self.gaussians))
 
