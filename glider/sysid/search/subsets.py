@@ -206,7 +206,8 @@ def survey(task: Task, model: FitResult) -> dict[str, float]:
     gram = candidates.total(model.scales)
     if not np.all(np.isfinite(gram)):  # It diverges.
         return {}
-    score = scorer_of(candidates, gram[None])
+    evidence = candidates.evidence(gram)
+    score = Scorer(candidates, evidence, functools.partial(threshold_of, task))
     members = score.by_first(model.kinds)
     gains: dict[str, float] = {}
     for more in score.larger(members):

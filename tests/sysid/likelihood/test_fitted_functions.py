@@ -99,6 +99,13 @@ def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
     assert max(others) < found["air along z over x"]
 
 
+def test_beside_errors_of_the_forces_functions_are_seen_too(vent):
+    search, plate = vent
+    forces = dataclasses.replace(plate, has_force_errors=True)
+    found = survey(search.task, forces)
+    assert found.keys() == survey(search.task, plate).keys()
+
+
 def test_where_nothing_is_nothing_is_seen():
     task, noise = task_of(fly(flights=6))
     assert max(survey(task, fit_model(task, begin(task, noise))).values()) < 0.0
