@@ -17,7 +17,7 @@ import numpy as np
 
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
-from glider.sysid.fit.floor import find_floor
+from glider.sysid.fit.floor import Perfect, find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.outcome import spreads_of
@@ -70,10 +70,14 @@ def measure(
     flown = flown_by(task, model, model.scales)
     traced = types.SimpleNamespace(model=model, forces=None)
     truth = without_model_errors(traced, spreads_of(task, model))
-    ratio, rng = noise.smoothing[2].ratio, np.random.default_rng(seed)
-    floor = find_floor(flown, unseen, truth, ratio, rng)
-    pairs = [(record, predict(flown, record)) for record in unseen]
-    errors = np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
+    perfect = Perfect(
+        truth=truth,
+        pitch_ratio=noise.smoothing[2].ratio,
+        rng=np.random.default_rng(seed),
+    )
+    floor = find_floor(flown, unseen, perfect)
+    own = [predict(flown, record) for record in unseen]
+    errors = np.sqrt(mean_squares(unseen, own)[:, :2])
     flown = np.isfinite(errors).all(axis=1)
     rms = np.sqrt(np.average(errors[flown] ** 2, axis=0, weights=floor.rows[flown]))
     squares = floor.squares[flown].mean(axis=2)[:, :2]

@@ -106,10 +106,10 @@ def compare(bank: float, seed: int, kind: str, logged: bool) -> str:
     """Returns a row: the gain of the effects that are found, and that of banks."""
     drawn, _ = draw(bank, seed, kind, logged)
     task, noise = task_of(drawn)
-    traced = trace(task, noise, silent)
     search = Search(task, silent)
+    traced = trace(search, noise)
     gained = search.penalized_cost(traced.bare) - search.penalized_cost(traced.model)
-    rolls = RollSearch(task=task, campaign=drawn, noise=noise, masks={})
+    rolls = RollSearch(search=search, campaign=drawn, noise=noise, masks={})
     _, gain = rolls.fit_beside(traced.bare, 0.0)
     kinds = ", ".join(traced.model.kinds) or "nothing"
     share = f"{gain / gained:.2f}" if gained > 0.0 else "-"

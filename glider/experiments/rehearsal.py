@@ -43,6 +43,7 @@ from glider.sysid.constants import MANY_FLIGHTS, PRIOR_SCALES
 from glider.sysid.fit.prediction import RolloutModel, find_launch, flown_by
 from glider.sysid.likelihood.candidates import gather, gather_in_parts
 from glider.sysid.likelihood.filtering import negative_log_likelihood
+from glider.sysid.likelihood.information import counted_from
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings, path_of
 from glider.sysid.likelihood.model_fit import grams_of
 from glider.sysid.likelihood.scale_fit import fit_scales
@@ -192,7 +193,7 @@ class Rehearser:
         self.candidates, grams = gather_in_parts(own, self.model, scales)
         self.gram = grams.sum(axis=0)
         few = gather(own.thinned(MANY_FLIGHTS), self.model)
-        _, prior = self.candidates.nothing()
+        self.share, prior = self.candidates.nothing()
         acting = self.acting
         self.strengths = Strengths(few.flights, scales, acting, prior.precision[acting])
         self.reach = len(records) / len(few.flights)
@@ -309,7 +310,8 @@ class Rehearser:
         for error in self.gram[:-1, :-1] @ change + self.noise:
             drawn = self.gram.copy()
             drawn[-1, :-1] = drawn[:-1, -1] = error
-            score = scorer_of(self.candidates, drawn[None])
+            counted = counted_from(drawn, self.share)
+            score = scorer_of(self.candidates, counted[None])
             members = climb(score, score.by_first(self.model.kinds))
             found[self._answer(score, members)] += 1
             if change.any() and found.total() == _ALIKE and len(found) == 1:
@@ -377,7 +379,7 @@ class Strengths:
         precision: np.ndarray,
     ):
         """Fits the strengths to the flights as they are."""
-        self.flights = [flight.whole for flight in flights]  # For all steps.
+        self.flights = [flight.expanded() for flight in flights]  # For all steps.
         self.scales = scales
         self.fitted = list(fitted)
         self.precision = precision
@@ -397,7 +399,7 @@ class Strengths:
         scales = self.scales
         for _ in range(_ROUNDS if fitted else 1):
             flights = [flight.combined(moved) for flight in self.flights]
-            scales = fit_scales(flights, scales, iterations=_ITERATIONS).scales
+            scales, _ = fit_scales(flights, scales, iterations=_ITERATIONS)
             if fitted:
                 gram = grams_of(self.flights, scales).sum(axis=0)
                 inner = gram[np.ix_(fitted, fitted)] + np.diag(self.precision)

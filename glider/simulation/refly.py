@@ -13,12 +13,13 @@ from glider.errors import InputError
 from glider.physics.compose import compose
 from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters
+from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.fit.prediction import RolloutModel, predict
 from glider.sysid.likelihood.linear_flight import linearize
-from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
+from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.log_space import log_space_of, vector_of
-from glider.sysid.replay.record import Noise, Record, measure_noise, prepare
+from glider.sysid.replay.record import Noise, Record, evenly, measure_noise, prepare
 from glider.sysid.replay.replayed import signals, trimmed, true_nodes
 from glider.sysid.replay.vehicle import make_vehicle
 
@@ -130,13 +131,13 @@ def rollout_models(
             model's errors do not depend on what the other models know.
     """
     *_, last = models.values()
-    some = typical_flights(campaign.flights)
+    some = evenly(campaign.flights, FEW_FLIGHTS)
     records, noise = _records(campaign, some, last)
     scales = start_scales(noise)
     if varies:
         theta = vector_of(last)
         flights = [linearize(r, theta, last.gaussians) for r in records]
-        fitted, cost, _ = fit_scales(flights, scales)
+        fitted, cost = fit_scales(flights, scales)
         scales = fitted if np.isfinite(cost) else scales  # A model may diverge.
     has_trims = make_vehicle(campaign).per_flight_trims
     if not varies:

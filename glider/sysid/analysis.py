@@ -8,6 +8,7 @@ import importlib.metadata
 import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from glider.sysid.likelihood.uncertainty import Uncertainty, averaged, uncertain
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.roll import RollSearch
+from glider.sysid.search.moves import Search
 from glider.sysid.search.signs import find_signs
 from glider.sysid.search.tracing import trace
 from glider.sysid.verdict import find_doubt, judge, too_few_fly
@@ -82,46 +84,45 @@ class Analysis:
         That is the part after the change, if it has enough flights, or the longer one.
         """
         found = self._run()
-        words = [change.sentence for change in found.changes]
-        kept, gone, side = self._divided(found.changes)
+        if not found.changes:
+            return found
+        [change] = found.changes
+        words = [change.sentence]
+        kept, gone, side = self._divided(change)
         if gone and len(kept) >= _FEWEST:
             self.progress(f"{words[0]} Again on {len(kept)} flights")
             again = self._on(kept)._run()
-            words += [change.sentence for change in again.changes]
+            words += [own.sentence for own in again.changes]
             words.append(
                 f"This report is of the {len(kept)} flights {_OTHER[side]} then; the "
                 f"{len(gone)} {side} then are excluded (trace them with --flights)."
             )
-            why = f"flown {side} the change at {found.changes[0].flight}"
+            why = f"flown {side} the change at {change.flight}"
             rows = [ExcludedRows(file=name, rows=ALL, why=why) for name in gone]
             found = dataclasses.replace(
                 again,
-                changes=(*found.changes, *again.changes),
-                set_aside=tuple(sorted([*again.set_aside, *rows], key=_file_of)),
+                changes=(change, *again.changes),
+                set_aside=tuple(
+                    sorted([*again.set_aside, *rows], key=attrgetter("file"))
+                ),
             )
-        elif found.changes and found.verdict == "no_effect":
-            words.append("No effect is found that is the same in all flights.")
-            return dataclasses.replace(
-                found, verdict="unexplained", reason=" ".join(words)
-            )
+        elif found.verdict == "no_effect":
+            nothing = "No effect is found that is the same in all flights."
+            found = dataclasses.replace(found, verdict="unexplained", reason=nothing)
 
         return dataclasses.replace(found, reason=" ".join([*words, found.reason]))
 
-    def _divided(
-        self, changes: Collection[result.Change]
-    ) -> tuple[list[str], list[str], str]:
+    def _divided(self, change: result.Change) -> tuple[list[str], list[str], str]:
         """Names of the flights to trace, the others, and their side of a change."""
         names = [flight.name for flight in self.inspection.campaign.flights]
         names.sort(key=by_number)
-        for change in changes:
-            if change.flight:
-                at = names.index(change.flight)
-                before, after = names[:at], names[at:]
-                if len(after) >= min(_ENOUGH, len(before)):
-                    return after, before, "before"
-                return before, after, "since"
-
-        return names, [], ""
+        if not change.flight:
+            return names, [], ""
+        at = names.index(change.flight)
+        before, after = names[:at], names[at:]
+        if len(after) >= min(_ENOUGH, len(before)):
+            return after, before, "before"
+        return before, after, "since"
 
     def _on(self, names: Collection[str]) -> "Analysis":
         """The analysis of some of the flights alone."""
@@ -151,11 +152,13 @@ class Analysis:
 
         with self.stage("predict", "predicting held-out flights"):
             spreads = outcome.spreads_of(task, model)
-            rng = np.random.default_rng(self.settings["seed"])
-            evaluated, tests = evaluate(found, baseline, spreads, rng)
+            seed = self.settings["seed"]
             change = None
             if traced.bank is None:  # Else flights differ by their roll.
+                rng = np.random.default_rng(seed)
                 change = find_change(found.session, model, rng)
+            rng = np.random.default_rng(seed)
+            evaluated, tests = evaluate(found, baseline, spreads, rng)
 
         with self.stage("weigh", "standard errors"):
             flown_values = evaluated["residual_after"].variables
@@ -197,7 +200,7 @@ class Analysis:
             alternatives=alternatives,
             covariance=outcome.covariance_of(task, known),
             warnings=self._warnings(evaluated["unlike"]),
-            set_aside=tuple(sorted(rows, key=_file_of)),
+            set_aside=tuple(sorted(rows, key=attrgetter("file"))),
             noise=result.MeasurementNoise(found.noise.position, found.noise.pitch),
             log_findings=self.inspection.warnings + servo,
             own_effects=tuple(space.kinds[n] for n in self.settings["own_effects"]),
@@ -238,14 +241,16 @@ class Analysis:
             everything, task = self._without(outlying, everything)
 
         with self.stage("trace"):
-            traced = trace(task, noise, self.progress)
+            search = Search(task, self.progress)
+            traced = trace(search, noise)
             if extreme := find_extreme(everything, traced.model):
                 again = sorted(r.name for r in task.records if r.name in extreme)
                 everything, task = self._without(extreme, everything)
                 outlying |= extreme
                 if again:
                     self.progress(f"again without {', '.join(again)}")
-                    traced = trace(task, noise, self.progress)
+                    search = Search(task, self.progress)
+                    traced = trace(search, noise)
 
         names = [record.name for record in records]
         session = everything
@@ -253,11 +258,11 @@ class Analysis:
             session = everything.on(records)
         if self.vehicle.is_known and all(f.attitude is None for f in campaign.flights):
             with self.stage("roll", "comparing flights that roll"):
-                few = task.thinned(MANY_FLIGHTS)
+                few = search.thinned(MANY_FLIGHTS)
                 rolls = RollSearch(
-                    task=few, campaign=campaign, noise=noise, masks=masks
+                    search=few, campaign=campaign, noise=noise, masks=masks
                 )
-                traced = rolls.find(traced, self.progress)
+                traced = rolls.find(traced)
 
         return Searched(noise, everything, task, traced, outlying, session)
 
@@ -318,10 +323,6 @@ def _about_diverged(flights: result.FlightNames) -> str:
 
 def _first_sentence(text: str) -> str:
     return text.partition(". ")[0].rstrip(".") + "."
-
-
-def _file_of(rows: ExcludedRows) -> str:
-    return rows.file
 
 
 def _weigh(

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
-from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -11,19 +10,19 @@ import numpy as np
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects.families import FAMILIES
 from glider.sysid import result
-from glider.sysid.constants import EVIDENCE_THRESHOLD, MANY_FLIGHTS
+from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.fit import prediction
-from glider.sysid.fit.floor import find_floor
+from glider.sysid.fit.floor import Perfect, compare
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import flown_by
 from glider.sysid.fit.unlike import predict_unlike
-from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table
 from glider.sysid.result import MODELS, PERFECT, ResidualTable, Spread
+from glider.sysid.search.subsets import survey
 from glider.sysid.search.tracing import SearchResult, forces_alone
 
 
@@ -58,28 +57,10 @@ def evaluate(
         fitted = {"nominal": fixed, **fitted}
 
     models = {n: flown_by(task, m, corrected.scales) for n, m in fitted.items()}
-
-    records = searched.everything.records
-    unseen = [record for record in records if record not in task.records]
-    flown = {
-        name: in_parallel(functools.partial(prediction.predict, model), unseen)
-        for name, model in models.items()
-    }
-
-    before = _table(models.get("nominal", models["refitted"]), records)
-    after = _table(models["corrected"], records)
-    held_out = {name: _table(model, unseen) for name, model in models.items()}
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        equation = {
-            name: prediction.rms(own.residual) for name, own in held_out.items()
-        }
-
-    found, counts = prediction.errors_on(unseen, flown, equation)
-    counted = list(compress(unseen, counts))
-
     others = {"refitted": baseline}
+    judged = corrected
     if traced.forces is not None:
-        corrected = forces_alone(task, corrected, traced.forces)
+        judged = forces_alone(task, corrected, traced.forces)
         others["refitted"] = forces_alone(task, baseline, traced.forces)
     elif task.vehicle.is_known:
         others["nominal"] = traced.bare
@@ -87,47 +68,52 @@ def evaluate(
     if not corrected.kinds:  # Nothing was added that could gain.
         others = {}
     offered = searched.everything.offering(traced.near)
-    tests = hold_out(offered, corrected, others, rng)
+    tests = hold_out(offered, judged, others, rng)
 
-    own = models["corrected"]
-    first = [*counted, *(r for r in records if r not in counted)][:MANY_FLIGHTS]
-    truth = without_model_errors(traced, spreads)
-    pitch_ratio = searched.noise.smoothing[2].ratio
-    floor = find_floor(own, first, truth, pitch_ratio, rng)
+    records = searched.everything.records
+    unseen = [record for record in records if record not in task.records]
+    held_out = {name: _table(model, unseen) for name, model in models.items()}
+    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
+        equation = {
+            name: prediction.rms(own.residual) for name, own in held_out.items()
+        }
+
     noise = prediction.rms(held_out["corrected"].noise)
-    perfect = floor.errors(noise, len(counted))
-    predict = functools.partial(prediction.predict, own)
-    seen = in_parallel(predict, first[len(counted) :])
-    paths = prediction.path_errors(
-        first, [*compress(flown["corrected"], counts), *seen]
+    perfect = Perfect(
+        truth=without_model_errors(traced, spreads),
+        pitch_ratio=searched.noise.smoothing[2].ratio,
+        rng=rng,
+    )
+    depends_on = _variables_of(task, traced.judged)
+    found = compare(
+        models, unseen, perfect, {**equation, PERFECT: noise}, records, depends_on
     )
     shown = []
     for i, record in enumerate(unseen):
-        rows = prediction.beginning_rows(record.time, own.per_flight_trims)
+        rows = prediction.beginning_rows(record.time, task.vehicle.per_flight_trims)
         shown.append(
             result.HeldOutFlight(
                 name=record.name,
                 time=record.time,
                 measured=record.pose,
-                flown={name: own[i].pose for name, own in flown.items()},
+                flown={name: own[i].pose for name, own in found.flown.items()},
                 fitted_until=float(record.time[rows - 1]),
             )
         )
 
-    depends_on = _variables_of(task, traced.judged)
+    after = _table(models["corrected"], records)
+    unlike = predict_unlike(searched.everything, fitted, traced.forces, after, perfect)
     return {
         "flights": result.FlightNames(
             fit=tuple(record.name for record in task.records),
             held_out=tuple(record.name for record in unseen),
-            diverged=tuple(own.name for own in unseen if own not in counted),
+            diverged=tuple(r.name for r in unseen if r not in found.counted),
         ),
-        "errors": {**dict.fromkeys(MODELS), **found, PERFECT: perfect},
-        "left": floor.residual(found["corrected"], perfect, paths, depends_on),
-        "unlike": predict_unlike(
-            searched.everything, fitted, traced.forces, after, truth, pitch_ratio, rng
-        ),
+        "errors": {**dict.fromkeys(MODELS), **found.errors},
+        "left": found.left,
+        "unlike": unlike,
         "held_out": tuple(shown),
-        "residual_before": before,
+        "residual_before": _table(next(iter(models.values())), records),
         "residual_after": after,
     }, tests
 

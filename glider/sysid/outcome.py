@@ -45,14 +45,14 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     """
     flights = error_flights(task, model)
     # Those of the model may be priors, as in the search along the attitude.
-    fitted, base, _ = fit_scales(flights, model.scales)
+    fitted, base = fit_scales(flights, model.scales)
     values = flight_values(flights, fitted)
     names = [record.name for record in task.records]
     found = {}
     for kind, scale in sorted(SPREAD_KINDS.items()):
         coefficient = task.space.kinds[kind].coefficients[0]
         others = [name for name in NAMES if name != scale]
-        without = fit_scales(flights, fitted.without(scale), others)
+        _, without = fit_scales(flights, fitted.without(scale), others)
         varying = values[:, PER_FLIGHT[kind]]
         mean = varying.mean(axis=0)
         about_mean = varying.std(axis=0)
@@ -61,7 +61,7 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
         if np.any(np.abs(mean) > Z * error_of_mean):
             std = float(np.sqrt(np.mean(about_mean**2)))
         least = LEAST_SPREAD * coefficient.scale
-        is_shown = without.cost - base > EVIDENCE_THRESHOLD
+        is_shown = without - base > EVIDENCE_THRESHOLD
         if is_shown and least < min(std, getattr(model.scales, scale)):
             own = varying[:, 0].tolist()
             found[kind] = Spread(

@@ -12,19 +12,19 @@ two angles integrated out: all effects, or all but those that act beside the rol
 """
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import least_squares
 
 from glider.campaign.checks.masks import Masks, masks_of
 from glider.campaign.logs import Campaign
-from glider.compiled.parallel import in_parallel
 from glider.physics.parameters import GliderParameters
-from glider.progress import Progress
 from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.likelihood.filtering import negative_log_likelihood, whiten
-from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.record import Noise, Record, prepare
@@ -42,12 +42,12 @@ _BY_CHANCE = 0.25
 _ENOUGH = 0.8
 _BESIDE = 2  # Effects that may act beside a roll.
 _FINS = 3.0, 0.0, 30.0  # Yaw acceleration over airspeed and slip that are tried [1/m].
-_STEP = 0.01  # Of a bank, for slopes [rad].
 _MOST = 0.9  # Bank that is no slight one any more [rad].
 _LEAST = 0.01  # Spread of banks below which flights show none [rad].
 _ROUNDS = 6  # Of banks, spreads and coefficients that depend on each other.
-_STEPS = 5  # Of Gauss-Newton in each.
-_LESS = 0.3  # Of a step after one that gains nothing.
+_STEPS = 6  # Of least squares in each.
+_ACCURACY = 1e-4  # Share of a flight's squares below which its banks are found.
+_DIVERGED = 1e6  # Standard deviations of a flight that diverges.
 _TOLERANCE = 0.5  # Gain of a round below which banks are found [nats].
 _LEAST_IN_PLANE = 0.05  # Share of the wing's normal, squared.
 
@@ -67,23 +67,23 @@ class _Rolls:
 class RollSearch:
     """Flights whose roll is not logged."""
 
-    task: Task
-    campaign: Campaign  #: Its flights, which are the task's and others.
+    search: Search  #: For effects of a glider that does not roll, with its fits.
+    campaign: Campaign  #: Its flights, which are the search's and others.
     noise: Noise
     masks: Mapping[str, Masks]
 
-    def find(self, traced: SearchResult, progress: Progress) -> SearchResult:
+    def find(self, traced: SearchResult) -> SearchResult:
         """Returns what was found, and the bank at the end if flights roll.
 
         Of the effects that a search without roll found there are then only those that
         act beside it. They are tried by their evidence: none of them, the first, the
         first two, and all.
         """
-        search = Search(self.task, progress)
+        search = self.search
         model = search.fit(traced.model)
         order = sorted(model.kinds, key=traced.evidence.__getitem__, reverse=True)
         for count in sorted({*range(min(_BESIDE, len(order)) + 1), len(order)}):
-            kept = search.fit(model.without(self.task, *order[count:]))
+            kept = search.fit(model.without(search.task, *order[count:]))
             gained = search.penalized_cost(kept) - search.penalized_cost(model)
             least = _ENOUGH * gained + EVIDENCE_THRESHOLD
             bank, gain = self.fit_beside(kept, least)
@@ -99,7 +99,7 @@ class RollSearch:
         """
         usual, *others = _FINS
         begun = [self._begun(model, usual)]
-        by_chance = _BY_CHANCE * len(self.task.records)
+        by_chance = _BY_CHANCE * len(self.search.task.records)
         if begun[0][1] < _SHOWN * least + by_chance:
             return 0.0, 0.0
         begun += [self._begun(model, fin) for fin in others]
@@ -108,14 +108,28 @@ class RollSearch:
         gain = model.cost + model.freedom - rolls.cost - rolls.model.freedom
         return float(rolls.spreads[1]), gain
 
+    @functools.cached_property
+    def _usual(self) -> list[Task]:
+        """Those of `_probed` of the usual fin, beside all models."""
+        return self._probed(_FINS[0])
+
+    def _probed(self, fin: float) -> list[Task]:
+        """The task on flights that all roll by one of _PROBES, for each of them."""
+        task = self.search.task
+        found = []
+        for bank in _PROBES:
+            banks = np.tile([0.0, bank], (len(task.records), 1))
+            found.append(task.on(self._rolled(task.records, banks, fin)))
+
+        return found
+
     def _begun(self, model: FitResult, fin: float) -> tuple[_Rolls, float]:
         """Flights that roll by the likeliest of some banks, and what that gains."""
-        count = len(self.task.records)
-        straight = error_flights(self.task, model)
-        costs = [negative_log_likelihood(straight, model.scales)]
-        for bank in _PROBES:
-            flights = self._flights(model, np.tile([0.0, bank], (count, 1)), fin)
-            costs.append(negative_log_likelihood(flights, model.scales))
+        tasks = self._usual if fin == _FINS[0] else self._probed(fin)
+        costs = [
+            negative_log_likelihood(error_flights(own, model), model.scales)
+            for own in (self.search.task, *tasks)
+        ]
         last = np.array(_PROBES)[np.argmin(costs[1:], axis=0)]
         spread = np.sqrt(np.mean(last**2))
         rolls = _Rolls(
@@ -129,12 +143,13 @@ class RollSearch:
 
     def _fit(self, best: _Rolls) -> _Rolls:
         """Fits banks, their spreads, and the model's coefficients and scales."""
+        task = self.search.task
         for _ in range(_ROUNDS):
             banks, curvature = self._best_banks(best)
             covariance = np.linalg.inv(curvature + np.diag(best.spreads**-2.0))
             squares = banks**2 + np.diagonal(covariance, axis1=1, axis2=2)
             spreads = np.maximum(np.sqrt(np.mean(squares, axis=0)), _LEAST)
-            rolled = self._rolled(banks, best.fin)
+            rolled = task.on(self._rolled(task.records, banks, best.fin))
             model = fit_model(rolled, best.model, with_strength=True)
             # Laplace's approximation of the integral over the banks.
             relative = spreads[:, None] * curvature * spreads + np.eye(2)
@@ -149,71 +164,59 @@ class RollSearch:
         return best
 
     def _best_banks(self, rolls: _Rolls) -> tuple[np.ndarray, np.ndarray]:
-        """Likeliest banks (F, 2), and the curvature of the flights' cost (F, 2, 2)."""
-        scales = rolls.model.scales
-        precision = rolls.spreads**-2.0
+        """Likeliest banks (F, 2), and the curvature of the flights' cost (F, 2, 2).
 
-        def errors_at(banks: np.ndarray) -> list[np.ndarray]:
-            flights = self._flights(rolls.model, banks, rolls.fin)
-            return in_parallel(lambda f: whiten(f, scales).innovations.ravel(), flights)
+        Each flight's are found alone, by least squares.
+        """
+        banks = []
+        curvatures = []
+        for record, start in zip(self.search.task.records, rolls.banks, strict=True):
+            found = least_squares(
+                self._errors,
+                start,
+                args=(rolls, record),
+                bounds=(-_MOST, _MOST),
+                ftol=_ACCURACY,
+                max_nfev=_STEPS,
+            )
+            by_bank = found.jac[:-2]
+            banks.append(found.x)
+            curvatures.append(by_bank.T @ by_bank)
 
-        def costs_at(banks: np.ndarray) -> np.ndarray:
-            flights = self._flights(rolls.model, banks, rolls.fin)
-            prior = 0.5 * banks**2 @ precision
-            return negative_log_likelihood(flights, scales) + prior
+        return np.array(banks), np.array(curvatures)
 
-        banks = rolls.banks
-        least = costs_at(banks)
-        share = np.ones((len(banks), 1))
-        curvature = np.zeros((len(banks), 2, 2))
-        for _ in range(_STEPS):
-            errors = errors_at(banks)
-            moved = [errors_at(banks + _STEP * axis) for axis in np.eye(2)]
-            slope = banks * precision
-            for i, (error, *others) in enumerate(zip(errors, *moved, strict=True)):
-                by_bank = (np.array(others) - error) / _STEP
-                curvature[i] = by_bank @ by_bank.T
-                slope[i] += by_bank @ error
-            whole = curvature + np.diag(precision)
-            step = -np.linalg.solve(whole, slope[..., None])[..., 0]
-            tried = np.clip(banks + share * step, -_MOST, _MOST)
-            costs = costs_at(tried)
-            better = (costs < least)[:, None]
-            share = np.where(better, 1.0, _LESS * share)
-            banks = np.where(better, tried, banks)
-            least = np.minimum(costs, least)
+    def _errors(self, banks: np.ndarray, rolls: _Rolls, record: Record) -> np.ndarray:
+        """Errors of a flight of such banks (2,), and last these, in deviations."""
+        rolled = self._rolled([record], banks[None], rolls.fin)
+        [flight] = error_flights(self.search.task.on(rolled), rolls.model)
+        errors = whiten(flight, rolls.model.scales).innovations.ravel()
+        errors = np.nan_to_num(errors, nan=_DIVERGED)
+        errors = np.clip(errors, -_DIVERGED, _DIVERGED)
+        return np.append(errors, banks / rolls.spreads)
 
-        return banks, curvature
-
-    def _flights(
-        self, model: FitResult, banks: np.ndarray, fin: float
-    ) -> list[LinearFlight]:
-        """Flights that roll, with one column, their error."""
-        return error_flights(self._rolled(banks, fin), model)
-
-    def _rolled(self, banks: np.ndarray, fin: float) -> Task:
-        """The task on the flights as if their roll and yaw were logged."""
+    def _rolled(
+        self, records: Sequence[Record], banks: np.ndarray, fin: float
+    ) -> list[Record]:
+        """Flights as if their roll and yaw were logged."""
         nominal = vars(GliderParameters()) | self.campaign.vehicle
-        attitudes = attitudes_of(self.task.records, banks, fin, nominal)
+        attitudes = attitudes_of(records, banks, fin, nominal)
         logged = {flight.name: flight for flight in self.campaign.flights}
         flights = []
-        for record, own in zip(self.task.records, attitudes, strict=True):
+        for record, own in zip(records, attitudes, strict=True):
             flight = logged[record.name]
             begin = flight.time[np.argmax(masks_of(flight, self.masks).usable)]
             at = flight.time - begin
             attitude = np.column_stack([np.interp(at, record.time, c) for c in own.T])
             flights.append(dataclasses.replace(flight, attitude=attitude))
 
-        space = self.task.space
+        space = self.search.task.space
         turned = prepare(flights, self.campaign, self.noise, space, self.masks)
-        pairs = zip(turned, self.task.records, strict=True)
-        return self.task.on(
-            [dataclasses.replace(new, place=old.place) for new, old in pairs]
-        )
+        pairs = zip(turned, records, strict=True)
+        return [dataclasses.replace(new, place=old.place) for new, old in pairs]
 
 
 def attitudes_of(
-    records: Sequence[Record], banks: np.ndarray, fin: float, vehicle: Mapping
+    records: Sequence[Record], banks: np.ndarray, fin: float, vehicle: Mapping[str, Any]
 ) -> list[np.ndarray]:
     """Computes y [m], roll and yaw [rad] at the nodes (n, 3) of flights that roll.
 
@@ -223,39 +226,66 @@ def attitudes_of(
         fin: yaw acceleration over airspeed and slip [1/m].
         vehicle: the glider's parameters by name.
     """
-    arm = vehicle["hinge_offset"] + vehicle["elevator_offset"]
-    push_per_turn = vehicle["pitch_inertia"] / (arm * vehicle["mass"])
     found = []
-    for record, (first, last) in zip(records, banks, strict=True):
+    for record, ends in zip(records, banks, strict=True):
         time = record.time
-        bank = first + (last - first) * time / time[-1]
-        sin, cos = np.sin(bank), np.cos(bank)
+        bank = np.interp(time, time[[0, -1]], ends)
+        sin = np.sin(bank)
+        cos = np.cos(bank)
         # The pitch in the glider's own plane is another.
         sin_pitch = np.clip(np.sin(record.nodes[:, 2]) / cos, -1.0, 1.0)
         cos_pitch = np.sqrt(1.0 - sin_pitch**2)
-        velocity = record.nodes[:, 4:6]
-        force = record.acceleration[:, :2] + [0.0, vehicle["gravity"]]  # Per mass.
-        ydot, yaw, turning = np.zeros((3, len(time)))
-        for k, step in enumerate(np.diff(time)):
-            ahead, aside = np.cos(yaw[k]), np.sin(yaw[k])
-            top_x = ahead * sin_pitch[k] + aside * cos_pitch[k] * sin[k]
-            top_y = aside * sin_pitch[k] - ahead * cos_pitch[k] * sin[k]
-            top_z = cos_pitch[k] * cos[k]
-            lift = force[k, 0] * top_x + force[k, 1] * top_z
-            lift = lift / max(top_x**2 + top_z**2, _LEAST_IN_PLANE)
-            left_y = ahead * cos[k]
-            slip = -velocity[k, 0] * aside * cos[k] + velocity[k, 1] * sin[k]
-            slip += ydot[k] * left_y
-            speed = np.hypot(np.hypot(*velocity[k]), ydot[k])
-            weathervane = fin * speed * (slip - arm * turning[k])
-            push = lift * top_y - push_per_turn * weathervane * left_y
-            turning[k + 1] = turning[k] + step * weathervane
-            ydot[k + 1] = ydot[k] + step * push
-            yaw[k + 1] = yaw[k] + step * turning[k + 1]
-
-        y = cumulative_trapezoid(ydot, time, initial=0.0)
+        normal = np.column_stack([sin_pitch, -cos_pitch * sin, cos_pitch * cos])
+        left = np.column_stack([0.0 * cos, cos, sin])
+        aside, yaw = _fly_aside(record, normal, left, fin, vehicle)
+        y = cumulative_trapezoid(aside, time, initial=0.0)
         roll = np.arctan2(sin, cos_pitch * cos)
         yaw = yaw + np.arctan2(sin_pitch * sin, cos_pitch)
         found.append(np.column_stack([y, roll, yaw]))
 
     return found
+
+
+def _fly_aside(
+    record: Record,
+    normal: np.ndarray,
+    left: np.ndarray,
+    fin: float,
+    vehicle: Mapping[str, Any],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Computes the velocity in y [m/s], and the yaw [rad], at a flight's nodes (n,).
+
+    Args:
+        record: the flight, whose motion in x and z is the measured one.
+        normal: (n, 3) of the wing in x, y and z, before the yaw.
+        left: (n, 3) axis of the wing, before the yaw.
+        fin: yaw acceleration over airspeed and slip [1/m].
+        vehicle: the glider's parameters by name.
+    """
+    arm = vehicle["hinge_offset"] + vehicle["elevator_offset"]
+    push_per_turn = vehicle["pitch_inertia"] / (arm * vehicle["mass"])
+    velocity = np.insert(record.nodes[:, 4:6], 1, 0.0, axis=1)
+    force = np.insert(record.acceleration[:, :2], 1, 0.0, axis=1)  # Per mass.
+    force[:, 2] += vehicle["gravity"]
+    yaw = np.zeros(len(normal))
+    rate = np.zeros(len(normal))
+    turn = np.eye(3)
+    for k, step in enumerate(np.diff(record.time)):
+        sin = np.sin(yaw[k])
+        cos = np.cos(yaw[k])
+        turn[0, :2] = cos, -sin
+        turn[1, :2] = sin, cos
+        up = turn @ normal[k]
+        wing = turn @ left[k]
+        # The force in the plane is the lift's share of it.
+        share = max(up[0] ** 2 + up[2] ** 2, _LEAST_IN_PLANE)
+        lift = force[k] @ up / share
+        slip = velocity[k] @ wing
+        speed = np.linalg.norm(velocity[k])
+        weathervane = fin * speed * (slip - arm * rate[k])
+        push = lift * up[1] - push_per_turn * weathervane * wing[1]
+        velocity[k + 1, 1] = velocity[k, 1] + step * push
+        rate[k + 1] = rate[k] + step * weathervane
+        yaw[k + 1] = yaw[k] + step * rate[k + 1]
+
+    return velocity[:, 1], yaw

@@ -97,7 +97,7 @@ def test_a_named_effect_is_lost_where_its_rival_is_fitted(still):
 
     def lost(sizes):
         moved = [f.combined(np.asarray(sizes)) for f in flights]
-        return fit_scales(moved, model.scales, iterations=20).cost
+        return fit_scales(moved, model.scales, iterations=20)[1]
 
     def lost_beside(rival):
         signs = -1.0, 1.0

@@ -8,7 +8,15 @@ from glider.campaign.checks.masks import Masks
 from glider.campaign.logs import Campaign
 from glider.physics.effects.free_functions import FreeFunction
 from glider.physics.parameter_space import ParameterSpace
-from glider.sysid.fit.prediction import RolloutModel, errors_on, flown_by, predict, rms
+from glider.sysid.fit.prediction import (
+    RolloutModel,
+    errors_from,
+    flown_by,
+    mean_squares,
+    predict,
+    rms,
+    rows_of,
+)
 from glider.sysid.likelihood.fitted_functions import functions_of
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.task import FitResult, Task, make_task, start_of
@@ -60,7 +68,8 @@ def errors_of(model: RolloutModel, records: Sequence[Record]) -> Errors:
     flown = [predict(model, record) for record in records]
     trims = [own.trim for own in flown]
     table = make_table(records, model.theta, trims, model.gaussians)
-    return errors_on(records, {"": flown}, {"": rms(table.residual)})[0][""]
+    squares = mean_squares(records, flown)[..., None]
+    return errors_from(squares, rows_of(records), rms(table.residual))
 
 
 def task_of(

@@ -12,6 +12,7 @@ from glider.physics.parameters import GliderParameters
 from glider.progress import silent
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.roll import RollSearch, attitudes_of
+from glider.sysid.search.moves import Search
 from glider.sysid.search.tracing import trace
 from tests.helpers.known_truth import task_of
 from tests.helpers.lifelike import draw_commands, draw_starts
@@ -63,10 +64,11 @@ def found_in(campaign, kinds=()):
     everything, noise = task_of(campaign)
     names = {flight.name for flight in fitted}
     task = everything.on([r for r in everything.records if r.name in names])
-    traced = trace(task.offering(kinds), noise, silent)
-    rolls = RollSearch(task=task, campaign=campaign, noise=noise, masks={})
+    search = Search(task.offering(kinds), silent)
+    traced = trace(search, noise)
+    rolls = RollSearch(search=search, campaign=campaign, noise=noise, masks={})
     rows = [int(record.name[7:10]) for record in task.records]
-    return rolls.find(traced, silent), rows
+    return rolls.find(traced), rows
 
 
 @pytest.mark.parametrize(

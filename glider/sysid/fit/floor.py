@@ -6,7 +6,10 @@ about it, to which they are linear, and predicted as the flight is (see `predict
 """
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Mapping, Sequence
+from itertools import compress
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -21,19 +24,22 @@ from glider.compiled.filter_error import (
 )
 from glider.compiled.parallel import in_parallel
 from glider.physics.state import NUM_STATES
-from glider.sysid.constants import LARGEST_ERROR
+from glider.sysid.constants import LARGEST_ERROR, MANY_FLIGHTS
 from glider.sysid.fit.prediction import (
+    Prediction,
     RolloutModel,
-    beginning_rows,
     errors_from,
+    mean_squares,
     near_median,
-    of_launch,
+    predict,
+    rows_of,
+    which_count,
 )
 from glider.sysid.likelihood.filtering import start_variances
 from glider.sysid.likelihood.linear_flight import LinearFlight, linearize
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.replay.record import Record
-from glider.sysid.result import EquationErrors, Errors, Residual
+from glider.sysid.result import PERFECT, EquationErrors, Errors, Residual
 
 _REPLICAS = 100  # Of a flight.
 # Relative error of the RMS over them: a square of two coordinates scatters by as much
@@ -48,7 +54,10 @@ _TURNED = [PITCH, PITCH_RATE]  # and those that are measured.
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Floor:
-    """Squared errors of a perfect model on flights, replica by replica."""
+    """Squared errors of a perfect model on flights, replica by replica.
+
+    A replica is the flight with other noise, moving air and constants.
+    """
 
     rows: np.ndarray  #: (F,) seen of each flight.
     squares: np.ndarray  #: (F, 4, R) as of `prediction.mean_squares`.
@@ -65,23 +74,6 @@ class Floor:
         if not len(known):
             return errors_from(np.full((1, 4, 1), np.nan), np.ones(1), equation)
         return errors_from(self.squares[known], self.rows[known], equation)
-
-    def residual(
-        self,
-        left: Errors,
-        perfect: Errors,
-        paths: np.ndarray,
-        depends_on: tuple[str, ...] = (),
-    ) -> Residual:
-        """What a model leaves beside what a perfect one does; paths as of `chance`."""
-        along, floor = (own.rollout_measured_pitch for own in (left, perfect))
-        return Residual(
-            position_m=left.position_rms_m,
-            ratio_to_floor=left.position_rms_m / perfect.position_rms_m,
-            ratio_along_pitch=along.position_rms_m / floor.position_rms_m,
-            chance=self.chance(paths),
-            depends_on=depends_on,
-        )
 
     def chance(self, paths: np.ndarray) -> float:
         """Probability that a perfect model leaves as much, of paths (F, 2).
@@ -101,30 +93,94 @@ class Floor:
         return min(1.0, 2.0 * float(ndtr(-z).min()))
 
 
-def find_floor(
-    model: RolloutModel,
-    records: Sequence[Record],
-    truth: Scales,
-    pitch_ratio: float,
-    rng: np.random.Generator,
-) -> Floor:
-    """Draws replicas of flights and predicts them by a model, taken as perfect.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Perfect:
+    """A perfect model of flights, and the draws of what it leaves on them."""
 
-    In them happens what `truth` has the standard deviations of, but its launch; the
-    measured pitch is smoothed as `smoothing.Smoothing.ratio` says.
+    truth: Scales  #: Of what happens in its flights, but their launches.
+    pitch_ratio: float  #: By which their pitch is smoothed, as `Smoothing.ratio`.
+    rng: np.random.Generator
+
+
+class Compared(NamedTuple):
+    """Flights predicted by models that were not fitted to them.
+
+    The corrected model is compared with a perfect one too.
     """
+
+    flown: dict[str, list[Prediction]]  #: By each model.
+    errors: dict[str, Errors]  #: Of each, and of a perfect one.
+    left: Residual  #: By the corrected model.
+    counted: list[Record]  #: Flights of which these are: some model flies them.
+
+
+def compare(
+    models: Mapping[str, RolloutModel],
+    records: Sequence[Record],
+    perfect: Perfect,
+    equation: Mapping[str, EquationErrors],
+    more: Sequence[Record] = (),
+    depends_on: tuple[str, ...] = (),
+) -> Compared:
+    """Predicts flights by models, and compares the corrected with a perfect one.
+
+    Args:
+        models: by name, "corrected" among them.
+        records: the flights.
+        perfect: the perfect model.
+        equation: errors of accelerations, of all models and the perfect one.
+        more: flights on which only the corrected and a perfect model are compared.
+        depends_on: variables that the rest varies with.
+    """
+    flown = {
+        name: in_parallel(functools.partial(predict, model), records)
+        for name, model in models.items()
+    }
+    squares = {name: mean_squares(records, own) for name, own in flown.items()}
+    # Errors are of the flights that count.
+    counts = which_count(squares.values())
+    counted = list(compress(records, counts))
+    errors = {
+        name: errors_from(own[counts, :, None], rows_of(counted), equation[name])
+        for name, own in squares.items()
+    }
+    # What is left is put to chance, or not, on more flights than these.
+    own = models["corrected"]
+    beside = [record for record in more if record not in counted]
+    beside = beside[: max(0, MANY_FLIGHTS - len(counted))]
+    first = [*counted, *beside][:MANY_FLIGHTS]
+    floor = find_floor(own, first, perfect)
+    seen = mean_squares(beside, in_parallel(functools.partial(predict, own), beside))
+    paths = np.sqrt([*squares["corrected"][counts, :2], *seen[:, :2]][:MANY_FLIGHTS])
+    left = errors["corrected"]
+    errors[PERFECT] = least = floor.errors(equation[PERFECT], len(counted))
+    along = left.rollout_measured_pitch.position_rms_m
+    residual = Residual(
+        position_m=left.position_rms_m,
+        ratio_to_floor=left.position_rms_m / least.position_rms_m,
+        ratio_along_pitch=along / least.rollout_measured_pitch.position_rms_m,
+        chance=floor.chance(paths),
+        depends_on=depends_on,
+    )
+    return Compared(flown, errors, residual, counted)
+
+
+def find_floor(
+    model: RolloutModel, records: Sequence[Record], perfect: Perfect
+) -> Floor:
+    """Draws replicas of flights and predicts them by a model, taken as perfect."""
+    rngs = perfect.rng.spawn(len(records))
     squares = in_parallel(
-        lambda own: _squares(model, own[0], own[1], truth, pitch_ratio),
-        zip(records, rng.spawn(len(records)), strict=True),
+        lambda own: _squares(model, perfect, *own), zip(records, rngs, strict=True)
     )
 
-    rows = np.array([np.count_nonzero(r.seen[:, 0]) for r in records])
-    return Floor(rows=rows, squares=np.array(squares))
+    return Floor(rows=rows_of(records), squares=np.array(squares))
 
 
 def _moves_of(flight: LinearFlight, scales: Scales) -> np.ndarray:
     """Returns how a flight's deviations, N = n + 8, move in each interval (K, N, N)."""
     n = len(flight.states)
+    # Moving air and moments decay, constants stay.
     steps = np.diff(flight.record.time)[:, None]
     processes = range(n, n + PROCESSES)
     moves = np.tile(np.eye(n + OWN_STATES), (len(steps), 1, 1))
@@ -155,23 +211,20 @@ def _flown(
 
 @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
 def _squares(
-    model: RolloutModel,
-    record: Record,
-    rng: np.random.Generator,
-    truth: Scales,
-    pitch_ratio: float,
+    model: RolloutModel, perfect: Perfect, record: Record, rng: np.random.Generator
 ) -> np.ndarray:
     """Mean squares of a flight's replicas (4, R), as in `Floor`; inf if it diverges."""
+    truth = perfect.truth
     flight = linearize(record, model.theta, model.gaussians)
     moves, shows = _moves_of(flight, truth), flight.shows
     nodes, (channels, total) = len(record.time), shows.shape[1:]
     n = len(flight.states)
     seen = record.seen
-    beginning = of_launch(record, beginning_rows(record.time, model.per_flight_trims))
+    beginning = model.of_launch(record)
     diverging = np.full((4, _REPLICAS), np.inf)
 
-    # Their launches differ by the elevator's rest and memory alone; accelerations that
-    # no model has do not happen.
+    # Replicas, whose launches differ by the elevator's rest and memory alone.
+    # Accelerations that no model has do not happen.
     stds = np.sqrt(start_variances(flight, truth))
     stds[[i for i in range(NUM_STATES) if i != ELEVATOR]] = 0.0
     stds[n + 2] = 0.0
@@ -183,7 +236,8 @@ def _squares(
     noise = np.array(truth.sensors[:channels])[:, None]
     measured += rng.normal(size=measured.shape) * noise
 
-    # Rollouts have next to no process noise: their filter is a regression.
+    # Each is predicted from the launch that its beginning shows. Rollouts have next
+    # to no process noise: their filter is a regression.
     shown = _flown(moves, shows, np.eye(total))
     if not np.max(np.abs(shown)) < _GROWTH:
         return diverging
@@ -199,7 +253,7 @@ def _squares(
     pitch = error[:, PITCH] ** 2
 
     # Along the measured pitch it is imposed, and the rest of the launch fitted again.
-    maps = smoothing_maps(record.time[seen[:, 2]], record.time, pitch_ratio)[:2]
+    maps = smoothing_maps(record.time[seen[:, 2]], record.time, perfect.pitch_ratio)[:2]
     turned = np.moveaxis(maps @ measured[seen[:, 2], PITCH], 0, 1)
     known[_TRANSLATED] = 0.0
     start = np.hstack([known, np.eye(total)[:, _TRANSLATED]])

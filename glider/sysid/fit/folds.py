@@ -17,7 +17,7 @@ from glider.sysid.constants import FOLDS
 from glider.sysid.fit.prediction import near_median
 from glider.sysid.likelihood.candidates import gather_in_parts
 from glider.sysid.likelihood.filtering import whiten
-from glider.sysid.likelihood.information import counted_from, solve_scaled
+from glider.sysid.likelihood.information import solve_scaled
 from glider.sysid.likelihood.model_fit import error_flights, in_surroundings
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.search.subsets import climb, columns_of, scorer_of
@@ -115,7 +115,7 @@ class LinearFlights:
         self.constant = 0.5 * np.array(volumes)
         del flights  # Before there are others.
         self.candidates, self.grams = gather_in_parts(task, model, model.scales)
-        self.given, self.prior = self.candidates.nothing()
+        _, self.prior = self.candidates.nothing()
 
     def costs(
         self, parts: Sequence[list[int]], columns: Sequence[Sequence[int]]
@@ -125,26 +125,23 @@ class LinearFlights:
         The models have some of the columns, for each part. By the predictive
         distribution: what the other flights leave unknown of the coefficients counts
         with the noise, so that a flight beyond their range is not held against a model
-        that does not know it.
+        that does not know it. That is what the flight adds to the others' evidence.
         """
         costs = np.empty(len(self.grams))
         for part, some in zip(parts, columns, strict=True):
-            own = list(some)
-            rest = self.grams.sum(axis=0) - self.grams[part].sum(axis=0)
-            known = counted_from(rest, self.given)
-            prior = self.prior.among(own)
-            keep = [*own, -1]
-            step = np.zeros(len(self.prior.mean))
-            step[own] = prior.best_step(known[np.ix_(keep, keep)])
-            hessian = known[np.ix_(own, own)] + np.diag(prior.precision)
-            unseen = counted_from(self.grams[part], self.given - step)
-            added = unseen[:, np.array(own)[:, None], own]
-            error = unseen[:, own, -1]
-            moved = solve_scaled(hessian + added, error, 0.0)
-            more = np.sum(moved * error, axis=1)
-            grown = np.eye(len(own)) + np.linalg.solve(hessian, added)
-            _, volume = np.linalg.slogdet(grown)
-            left = unseen[:, -1, -1] - more + volume
-            costs[part] = self.constant[part] + 0.5 * left
+            keep = [*some, -1]
+            grams = self.grams[:, keep][:, :, keep]
+            rest = grams.sum(axis=0) - grams[part].sum(axis=0)
+            known = self.prior.among(keep[:-1]).added_to(rest)
+            more = _evidence(known + grams[part]) - _evidence(known[None])
+            costs[part] = self.constant[part] + more
 
         return costs
+
+
+def _evidence(grams: np.ndarray) -> np.ndarray:
+    """Returns negative log marginal likelihoods (n,) by information with priors."""
+    hessian = grams[:, :-1, :-1]
+    right = grams[:, :-1, -1]
+    least = grams[:, -1, -1] - np.sum(right * solve_scaled(hessian, right, 0.0), axis=1)
+    return 0.5 * (least + np.linalg.slogdet(hessian)[1])

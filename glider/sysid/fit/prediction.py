@@ -6,7 +6,7 @@ elevator of the whole flight; then the model flies on alone to the end.
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from scipy.optimize import leastsq
@@ -16,7 +16,7 @@ from glider.compiled.filter_error import ELEVATOR, PROCESSES
 from glider.compiled.replay import OFFSET, LogPath, roll_out
 from glider.physics.effects import Gaussians
 from glider.physics.state import NUM_STATES
-from glider.sysid.constants import BEGINNING, LARGEST_ERROR, Z
+from glider.sysid.constants import BEGINNING, LARGEST_ERROR, MANY_FLIGHTS, Z
 from glider.sysid.likelihood.filtering import negative_log_likelihood, smooth
 from glider.sysid.likelihood.linear_flight import (
     STILL_AIR,
@@ -24,11 +24,11 @@ from glider.sysid.likelihood.linear_flight import (
     linearize,
     path_of,
 )
-from glider.sysid.likelihood.scale_fit import fit_scales, typical_flights
+from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import sensed
-from glider.sysid.replay.record import Record
+from glider.sysid.replay.record import Record, evenly
 from glider.sysid.replay.replayed import true_nodes
 from glider.sysid.result import EquationErrors, Errors, PathErrors, RolloutErrors
 
@@ -46,6 +46,16 @@ class RolloutModel:
     scales: Scales  #: Of errors over flights and, see `on`, along rollouts.
     per_flight_trims: bool  #: Whether the elevator's angle is another in each flight.
 
+    def of_launch(self, record: Record) -> np.ndarray:
+        """Which measurements (n, C) a launch is fitted to.
+
+        The pose of the first rows; the elevator of all, as an input.
+        """
+        seen = record.seen.copy()
+        rows = beginning_rows(record.time, self.per_flight_trims)
+        seen[rows:, np.arange(seen.shape[1]) != ELEVATOR] = False
+        return seen
+
     def on(self, records: Sequence[Record]) -> "RolloutModel":
         """Returns the model with the errors of its rollouts over flights' beginnings.
 
@@ -54,13 +64,13 @@ class RolloutModel:
         """
         scales = self.scales.without("air", "moment", "servo")
         flights = []
-        for record in typical_flights(records):
-            rows = beginning_rows(record.time, self.per_flight_trims)
-            flights.append(linearize(record.first(rows), self.theta, self.gaussians))
+        for record in evenly(records, MANY_FLIGHTS):
+            begun = dataclasses.replace(record, seen=self.of_launch(record))
+            flights.append(linearize(begun, self.theta, self.gaussians))
 
         costs = negative_log_likelihood(flights, scales)
         flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
-        scales = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20).scales
+        scales, _ = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20)
         return dataclasses.replace(self, scales=scales)
 
 
@@ -103,16 +113,6 @@ def beginning_rows(time: np.ndarray, per_flight_trims: bool) -> int:
     return min(max(rows, NUM_STATES), len(time))
 
 
-def of_launch(record: Record, rows: int) -> np.ndarray:
-    """Which measurements (n, C) a launch is fitted to.
-
-    The pose of the first rows; the elevator of all, as an input.
-    """
-    seen = record.seen.copy()
-    seen[rows:, np.arange(seen.shape[1]) != ELEVATOR] = False
-    return seen
-
-
 @functools.lru_cache(_LAUNCHES)
 def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surroundings]:
     """Returns the likeliest state (n,) and constants, by a flight's first rows.
@@ -120,8 +120,7 @@ def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surrou
     An elevator that began elsewhere than its first row shows is moved there before its
     path is replayed: at a stop it forgets where it began.
     """
-    rows = beginning_rows(record.time, model.per_flight_trims)
-    beginning = dataclasses.replace(record, seen=of_launch(record, rows))
+    beginning = dataclasses.replace(record, seen=model.of_launch(record))
     about = STILL_AIR
     for _ in range(2):
         flight = linearize(beginning, model.theta, model.gaussians, (), about)
@@ -152,6 +151,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     zero = np.array([0.0, 0.0, pitch_zero])
     states = roll_out(kinds, path, launch, dynamics, model.gaussians)
 
+    # Along the measured pitch, which the model's sensors read otherwise.
     nodes = true_nodes(record, model.theta, model.gaussians)
     turned = (nodes - record.nodes)[:, [2, 6]] - zero[[2, 0]]
     middle = 0.5 * (turned[1:] + turned[:-1])
@@ -172,6 +172,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     def missed(change: np.ndarray) -> np.ndarray:
         return (record.pose[:rows, :2] - places(change, beginning))[seen]
 
+    # The place and the velocity of its launch are fitted again.
     change = np.zeros(4)
     if np.all(np.isfinite(missed(change))):
         change, _ = leastsq(missed, change, epsfcn=_SMALL**2)
@@ -181,36 +182,19 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     return Prediction(pose=pose, translated=along, trim=float(trim))
 
 
-def errors_on(
-    records: Sequence[Record],
-    flown: Mapping[str, Sequence[Prediction]],
-    equation: Mapping[str, EquationErrors],
-) -> tuple[dict[str, Errors], np.ndarray]:
-    """Returns the errors of models on flights, and which of these count, (F,).
+def which_count(squares: Iterable[np.ndarray]) -> np.ndarray:
+    """Returns which flights (F,) count, by `mean_squares` of models.
 
-    A flight on which every model diverges compares none with another: it counts only if
-    all are. Errors of accelerations are given.
+    One on which every model diverges compares none with another: it counts only if all
+    are such.
     """
-    rows = np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        squares = {
-            name: np.array([*map(mean_squares, records, own)])
-            for name, own in flown.items()
-        }
-        near = [own[:, 0] < LARGEST_ERROR**2 for own in squares.values()]
-        counts = np.any(near, axis=0)
-        counts |= not counts.any()
-        return {
-            name: errors_from(own[counts, :, None], rows[counts], equation[name])
-            for name, own in squares.items()
-        }, counts
+    is_flown = np.any([own[:, 0] < LARGEST_ERROR**2 for own in squares], axis=0)
+    return is_flown if is_flown.any() else ~is_flown
 
 
-def path_errors(records: Iterable[Record], flown: Iterable[Prediction]) -> np.ndarray:
-    """Returns the position RMS of flights, free and along the pitch, (F, 2) [m]."""
-    with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
-        squares = map(mean_squares, records, flown)
-        return np.sqrt([own[:2] for own in squares])
+def rows_of(records: Sequence[Record]) -> np.ndarray:
+    """Number of rows that were seen of each flight, (F,)."""
+    return np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
 
 
 def rms(accelerations: np.ndarray) -> EquationErrors:
@@ -231,15 +215,20 @@ def errors_from(
     return Errors(equation, RolloutErrors(free, end, pitch), PathErrors(along))
 
 
-def mean_squares(record: Record, predicted: Prediction) -> np.ndarray:
-    """Computes mean squared errors of a prediction over the rows that were seen, (4,).
+@np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
+def mean_squares(records: Sequence[Record], flown: Sequence[Prediction]) -> np.ndarray:
+    """Computes mean squared errors of predictions over the rows that were seen, (F, 4).
 
     Of the position, free and along the measured pitch [m²], of the pitch [rad²], and of
     the position at the end [m²].
     """
-    seen = record.seen[:, 0]
-    error = (record.pose - predicted.pose)[seen]
-    free = np.sum(error[:, :2] ** 2, axis=1)
-    pitch = error[:, 2] ** 2
-    along = np.sum((record.pose[:, :2] - predicted.translated)[seen] ** 2, axis=1)
-    return np.array([free.mean(), along.mean(), pitch.mean(), free[-1]])
+    found = []
+    for record, predicted in zip(records, flown, strict=True):
+        seen = record.seen[:, 0]
+        error = (record.pose - predicted.pose)[seen]
+        free = np.sum(error[:, :2] ** 2, axis=1)
+        along = np.sum((record.pose[:, :2] - predicted.translated)[seen] ** 2, axis=1)
+        pitch = np.mean(error[:, 2] ** 2)
+        found.append([free.mean(), along.mean(), pitch, free[-1]])
+
+    return np.reshape(found, (-1, 4))

@@ -14,10 +14,8 @@ log-likelihood are
 where λ and Λ are the precisions of the priors.
 """
 
-import dataclasses
 import re
 from collections.abc import Collection, Iterable
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtr
@@ -25,7 +23,7 @@ from scipy.special import stdtr
 from glider.sysid.constants import LEAST_SPREAD
 from glider.sysid.fit.folds import LinearFlights
 from glider.sysid.likelihood.candidates import Candidates
-from glider.sysid.likelihood.model_fit import Prior
+from glider.sysid.likelihood.information import Prior, counted_from
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import Change
 from glider.sysid.search.tracing import without_late
@@ -37,40 +35,6 @@ _PERMUTATIONS = (
 )  # If none gains as much, p is half of the level.
 _LEAST_SIDE = 2  # Flights on either side of a break: one alone is an outlier.
 _FEWEST = 5  # Flights whose scatter about two means says anything.
-
-
-class _Changes(NamedTuple):
-    """All changes of all coefficients, (k, m); the last of the k is the drift."""
-
-    gains: (
-        np.ndarray
-    )  #: Of log-likelihood; zero where the change is too small to report.
-    sizes: np.ndarray
-    stds: np.ndarray  #: Standard errors of the sizes.
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class _Session:
-    """What the flights say of changes; see the formulas of the module."""
-
-    z: np.ndarray  #: (b,)
-    beta_delta: np.ndarray  #: (n, b, m) L⁻¹ G_i[β, δ].
-    delta_error: np.ndarray  #: (n, m) G_i[δ, error].
-    delta_delta: np.ndarray  #: (n, m) G_i[δ, δ].
-    precision: np.ndarray  #: (m,) λ.
-    least: np.ndarray  #: (m,) Sizes below which a change is not reported.
-    shares: np.ndarray  #: (k, n) s_i of each change, by the order of the flights.
-
-    def changes(self, order: np.ndarray) -> _Changes:
-        """Computes all changes with the flights (n,) in an order."""
-        mixed = np.tensordot(self.shares, self.beta_delta[order], 1)
-        slope = self.shares @ self.delta_error[order]
-        slope -= np.einsum("kbm,b->km", mixed, self.z)
-        curvature = self.shares**2 @ self.delta_delta[order] + self.precision
-        curvature = np.maximum(curvature - np.sum(mixed**2, axis=1), 1e-12)
-        sizes = slope / curvature
-        gains = np.where(np.abs(sizes) < self.least, 0.0, 0.5 * slope * sizes)
-        return _Changes(gains, sizes, curvature**-0.5)
 
 
 def find_change(
@@ -88,7 +52,10 @@ def find_change(
     """
     formulas = without_late(session, model.kinds)
     flights = LinearFlights(formulas.offering(formulas.kinds), model)
-    return change_of(flights.candidates, flights.grams, flights.prior, rng)
+    share, prior = flights.candidates.nothing()
+    # Flights' values are compared about the model.
+    grams = counted_from(flights.grams, -share)
+    return change_of(flights.candidates, grams, prior, rng)
 
 
 def change_of(
@@ -113,32 +80,62 @@ def change_of(
     columns = _columns_of(candidates, grams)
     if count < _FEWEST or not columns:
         return None
-    session = _session_of(candidates, grams, prior, columns)
+    beta = [*candidates.always]
+    for kind in candidates.model.kinds:
+        [acting] = candidates.variants[kind]
+        beta += acting
+    known = grams.sum(axis=0)
+    information = known[np.ix_(beta, beta)] + np.diag(prior.precision[beta])
+    # The terms of the formulas: L⁻¹, z and, of each flight and coefficient, L⁻¹ G[β, δ]
+    # (n, b, m), G[δ, error] and G[δ, δ] (n, m).
+    inverse_root = np.linalg.inv(np.linalg.cholesky(information))
+    z = inverse_root @ known[beta, -1]
+    beta_delta = inverse_root @ grams[:, beta][:, :, columns]
+    delta_error = grams[:, columns, -1]
+    delta_delta = grams[:, columns, columns]
+    # Shares (k, n) of the flights in each change, by their order.
+    # Row k is of the break at flight k; the first and last leave too few on a side.
+    breaks = np.triu(np.ones((count, count)))[_LEAST_SIDE : count - _LEAST_SIDE + 1]
+    shares = np.vstack([breaks, np.linspace(-0.5, 0.5, count)])
+    slots = [candidates.slots[j] for j in columns]
+    least = LEAST_SPREAD * candidates.task.space.scale[slots]
+
+    def changes(order: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """All changes (k, m) with the flights in an order, the drift last.
+
+        Their gains, zero where one is too small to report, sizes and standard errors.
+        """
+        mixed = np.tensordot(shares, beta_delta[order], 1)
+        slope = shares @ delta_error[order] - np.einsum("kbm,b->km", mixed, z)
+        curvature = shares**2 @ delta_delta[order] + prior.precision[columns]
+        curvature = np.maximum(curvature - np.sum(mixed**2, axis=1), 1e-12)
+        sizes = slope / curvature
+        gains = np.where(np.abs(sizes) < least, 0.0, 0.5 * slope * sizes)
+        return gains, sizes, curvature**-0.5
+
     names = [record.name for record in candidates.task.records]
     order = np.array(sorted(range(count), key=lambda i: by_number(names[i])))
-
-    found = session.changes(order)
-    row, column = divmod(int(np.argmax(found.gains)), len(columns))
-    largest = found.gains[row, column]
-    if largest == 0.0:
+    gains, sizes, stds = changes(order)
+    row, column = divmod(int(np.argmax(gains)), len(columns))
+    if gains[row, column] == 0.0:
         return None
-    weights = session.delta_delta[order, column]
-    values = session.delta_error[order, column] / np.maximum(weights, 1e-300)
-    chance = _chance_of_slope(values, weights, session.shares[row])
-    if chance * found.gains.size > 0.5 * _LEVEL:
+    # Is it chance? By the scatter of the values, or else by permutations.
+    weights = delta_delta[order, column]
+    values = delta_error[order, column] / np.maximum(weights, 1e-300)
+    if _chance_of_slope(values, weights, shares[row]) * gains.size > 0.5 * _LEVEL:
         for _ in range(_PERMUTATIONS):
-            if session.changes(rng.permutation(count)).gains.max() >= largest:
+            others, *_ = changes(rng.permutation(count))
+            if others.max() >= gains[row, column]:
                 return None
 
-    direction = candidates.directions[columns[column]]
-    coefficient = candidates.task.space.entries[candidates.slots[columns[column]]]
-    is_drift = row == len(session.shares) - 1
+    coefficient = candidates.task.space.entries[slots[column]]
+    is_drift = row == len(breaks)
     return Change(
-        kind=direction.kind,
+        kind=candidates.directions[columns[column]].kind,
         coefficient=coefficient.name,
         unit=coefficient.unit,
-        value=float(found.sizes[row, column]),
-        std=float(found.stds[row, column]),
+        value=float(sizes[row, column]),
+        std=float(stds[row, column]),
         flight="" if is_drift else names[order[row + _LEAST_SIDE]],
     )
 
@@ -146,41 +143,10 @@ def change_of(
 def _columns_of(candidates: Candidates, grams: np.ndarray) -> list[int]:
     """Columns of the sizes of formulas that show in a flight."""
     space = candidates.task.space
-    columns = []
-    for kind, variants in candidates.variants.items():
-        if kind in space.kinds:
-            offered = {j for variant in variants for j in variant}
-            sizes = [j for j in offered if candidates.slots[j] not in space.shapes]
-            columns += sorted(j for j in sizes if np.any(grams[:, j, j] > 0.0))
-    return columns
-
-
-def _session_of(
-    candidates: Candidates, grams: np.ndarray, prior: Prior, columns: list[int]
-) -> _Session:
-    """What the flights say of changes of some columns."""
-    beta = [*candidates.always]
-    for kind in candidates.model.kinds:
-        [acting] = candidates.variants[kind]
-        beta += acting
-    known = grams.sum(axis=0)
-    information = known[np.ix_(beta, beta)] + np.diag(prior.precision[beta])
-    inverse_root = np.linalg.inv(np.linalg.cholesky(information))
-
-    count = len(grams)
-    # Row k is of the break at flight k; the first and last leave too few on a side.
-    breaks = np.triu(np.ones((count, count)))[_LEAST_SIDE : count - _LEAST_SIDE + 1]
-    drift = np.linspace(-0.5, 0.5, count)
-    scale = candidates.task.space.scale[[candidates.slots[j] for j in columns]]
-    return _Session(
-        z=inverse_root @ known[beta, -1],
-        beta_delta=inverse_root @ grams[:, beta][:, :, columns],
-        delta_error=grams[:, columns, -1],
-        delta_delta=grams[:, columns, columns],
-        precision=prior.precision[columns],
-        least=LEAST_SPREAD * scale,
-        shares=np.vstack([breaks, drift]),
-    )
+    formulas = candidates.variants.keys() & space.kinds.keys()
+    offered = {j for kind in formulas for own in candidates.variants[kind] for j in own}
+    sizes = [j for j in sorted(offered) if candidates.slots[j] not in space.shapes]
+    return [j for j in sizes if np.any(grams[:, j, j] > 0.0)]
 
 
 def by_number(name: str) -> list[tuple[int, str]]:
@@ -202,13 +168,10 @@ def _chance_of_slope(
 ) -> float:
     """Probability by chance of values (n,) that follow their shares (n,) as well.
 
-    By Student's t of a weighted regression, whose residuals give the variance.
+    By Student's t of a weighted regression.
     """
-    mean = np.average(values, weights=weights)
-    centered = shares - np.average(shares, weights=weights)
-    spread = np.sum(weights * centered**2)
-    slope = np.sum(weights * centered * values) / spread
-    residual = np.sum(weights * (values - mean - slope * centered) ** 2)
+    (square, both), (_, spread) = np.cov(values, shares, ddof=0, aweights=weights)
+    correlation = both / np.sqrt(max(square * spread, 1e-300))
     freedom = len(values) - 2
-    t = abs(slope) / np.sqrt(max(residual, 1e-300) / freedom / spread)
+    t = abs(correlation) * np.sqrt(freedom / max(1.0 - correlation**2, 1e-300))
     return 2.0 * float(stdtr(freedom, -t))

@@ -4,19 +4,16 @@ Flights that are held out at random are like those of the fit, but who plans wit
 model flies others. What it is worth there shows where the farthest are left out.
 """
 
-import functools
 import math
-from collections.abc import Callable, Mapping
-from itertools import compress, product
+from collections.abc import Mapping
+from itertools import compress
 
 import numpy as np
 
-from glider.compiled.parallel import in_parallel
 from glider.physics.effects.free_functions import FLOW_UNITS
-from glider.sysid.constants import FOLDS, MANY_FLIGHTS
-from glider.sysid.fit.floor import find_floor
-from glider.sysid.fit.prediction import errors_on, flown_by, path_errors, predict
-from glider.sysid.likelihood.scales import Scales
+from glider.sysid.constants import FOLDS
+from glider.sysid.fit.floor import Perfect, compare
+from glider.sysid.fit.prediction import flown_by
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import (
     PERFECT,
@@ -27,13 +24,8 @@ from glider.sysid.result import (
 )
 from glider.sysid.search.tracing import refitted
 
-_FEATURES: dict[str, Callable[[np.ndarray], float]] = {
-    "{} at launch": lambda values: values[0],
-    "least {}": np.min,
-    "median {}": np.median,
-    "largest {}": np.max,
-}
-"""What of a variable along a flight is compared, by its words."""
+_FEATURES = "{} at launch", "least {}", "median {}", "largest {}"
+"""What of a variable along a flight is compared."""
 
 
 def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
@@ -45,16 +37,16 @@ def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
     """
     count = len(table.names)
     ends = np.flatnonzero(np.diff(table.flight)) + 1
-    columns = []
-    spreads = []
-    compared = list(product(FLOW_UNITS, _FEATURES.items()))
-    for variable, (_, feature) in compared:
-        values = table.variables[variable]
-        columns.append([feature(own) for own in np.split(values, ends)])
-        spreads.append(max(np.std(values), 1e-12))  # A fixed elevator has none.
+    values = np.column_stack([table.variables[name] for name in FLOW_UNITS])
+    spreads = np.maximum(np.std(values, axis=0), 1e-12)  # A fixed elevator has none.
+    found = []
+    for own in np.split(values / spreads, ends):
+        middle = np.median(own, axis=0)
+        found.append(np.stack([own[0], own.min(axis=0), middle, own.max(axis=0)]))
 
-    features = np.array(columns).T / spreads
+    features = np.reshape(found, (count, -1))
     *_, axes = np.linalg.svd(features - features.mean(axis=0), full_matrices=False)
+    # The widest gap near either end divides the flights.
     along = features @ axes[0]
     order = np.argsort(along)
     gaps = np.diff(along[order])
@@ -66,13 +58,14 @@ def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
     is_unlike[order[:size] if first.max() > last.max() else order[-size:]] = True
 
     here, others = (np.median(features[own], axis=0) for own in (is_unlike, ~is_unlike))
-    most = np.argmax(np.abs(here - others))
-    variable, (words, _) = compared[most]
+    most = int(np.argmax(np.abs(here - others)))
+    feature, column = divmod(most, len(spreads))
+    variable = list(FLOW_UNITS)[column]
     return is_unlike, Difference(
-        what=words.format(variable),
+        what=_FEATURES[feature].format(variable),
         unit=FLOW_UNITS[variable],
-        value=float(spreads[most] * here[most]),
-        others=float(spreads[most] * others[most]),
+        value=float(spreads[column] * here[most]),
+        others=float(spreads[column] * others[most]),
     )
 
 
@@ -81,9 +74,7 @@ def predict_unlike(
     models: Mapping[str, FitResult],
     forces: FitResult | None,
     table: ResidualTable,
-    truth: Scales,
-    pitch_ratio: float,
-    rng: np.random.Generator,
+    perfect: Perfect,
 ) -> UnlikeFlights | None:
     """Predicts the most unlike of a task's flights; None where there are too few.
 
@@ -92,9 +83,7 @@ def predict_unlike(
         models: by name, "corrected" among them; coefficients are refitted.
         forces: the model of forces, where these are unknown.
         table: of all flights in the same order.
-        truth: what happens in flights of a perfect model, see `find_floor`.
-        pitch_ratio: of the smoothing of a pitch.
-        rng: draws these.
+        perfect: the perfect model.
     """
     if len(task.records) < 3:
         return None
@@ -104,22 +93,12 @@ def predict_unlike(
     scales = models["corrected"].scales
     again = {name: refitted(others, own, forces) for name, own in models.items()}
     flying = {name: flown_by(others, own, scales) for name, own in again.items()}
-    flown = {
-        name: in_parallel(functools.partial(predict, own), unlike)
-        for name, own in flying.items()
-    }
-
     nothing = EquationErrors(math.nan, math.nan, math.nan)
-    found, counts = errors_on(unlike, flown, dict.fromkeys(flown, nothing))
-    counted = list(compress(unlike, counts))
-    few = counted[:MANY_FLIGHTS]
-    floor = find_floor(flying["corrected"], few, truth, pitch_ratio, rng)
-    perfect = floor.errors(nothing, len(few))
-    paths = path_errors(few, compress(flown["corrected"], counts))
+    found = compare(flying, unlike, perfect, dict.fromkeys((*flying, PERFECT), nothing))
     return UnlikeFlights(
-        flights=tuple(record.name for record in counted),
+        flights=tuple(record.name for record in found.counted),
         difference=difference,
-        errors={**found, PERFECT: perfect},
-        left=floor.residual(found["corrected"], perfect, paths),
-        diverged=tuple(record.name for record in unlike if record not in counted),
+        errors=dict(found.errors),
+        left=found.left,
+        diverged=tuple(r.name for r in unlike if r not in found.counted),
     )

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.fitted_functions import FittedFunction
 from glider.sysid.likelihood.information import (
     Evidence,
+    Prior,
     counted_from,
     eliminate,
     solve,
@@ -62,8 +62,12 @@ class Candidates:
         return [*unknown, *sorted(j for place in given for j in place)]
 
     def grams(self, scales: Scales) -> np.ndarray:
-        """Returns the flights' information on all columns, (flights, m + 1, m + 1)."""
-        return model_fit.grams_of(self.flights, scales)
+        """Returns the flights' information on all columns, (flights, m + 1, m + 1).
+
+        The error is that of the model without effects, see `nothing`.
+        """
+        grams = model_fit.grams_of(self.flights, scales)
+        return counted_from(grams, self.nothing()[0])
 
     def total(self, scales: Scales) -> np.ndarray:
         """Returns the sum of `grams`, a few flights' at a time in memory."""
@@ -72,9 +76,9 @@ class Candidates:
             few = model_fit.grams_of(self.flights[k : k + _AT_ONCE], scales)
             total = total + few.sum(axis=0)
 
-        return total
+        return counted_from(total, self.nothing()[0])
 
-    def nothing(self) -> tuple[np.ndarray, model_fit.Prior]:
+    def nothing(self) -> tuple[np.ndarray, Prior]:
         """Returns the model without effects, and the prior about it.
 
         That is what of each column acts in the model (m,), see `counted_from`.
@@ -94,19 +98,19 @@ class Candidates:
         return share, prior
 
     def evidence(self, gram: np.ndarray) -> Evidence:
-        """Returns the evidence of sets of columns beside those that always act."""
-        share, prior = self.nothing()
+        """Returns the evidence of sets of columns beside those that always act.
+
+        `gram` is the sum of `grams`.
+        """
+        _, prior = self.nothing()
         always = self.always
-        whole = counted_from(gram, share)
-        at = np.array([j for j, _ in self.columns], dtype=int)
+        rest = eliminate(gram, always, prior.precision[always])
+        at = [column for column, _ in self.columns]
         strengths = np.array([strength for _, strength in self.columns])
-        return Evidence(
-            gram=eliminate(whole, always, prior.precision[always], prior.mean[always]),
-            at=at,
-            precision=prior.precision[at] / strengths**2,
-            lower=prior.lower[at],
-            upper=prior.upper[at],
-        )
+        prior = prior.among(at)
+        precision = prior.precision / strengths**2
+        prior = dataclasses.replace(prior, precision=precision)
+        return Evidence(gram=rest, at=np.array(at, dtype=int), prior=prior)
 
 
 class HeldOutEvidence:
@@ -119,10 +123,10 @@ class HeldOutEvidence:
     """
 
     def __init__(self, candidates: Candidates, grams: np.ndarray):
-        """Takes the flights' information."""
+        """Takes the flights' information, that of `Candidates.grams`."""
         self._always = np.array(candidates.always, int)
-        share, self._prior = candidates.nothing()
-        self._own = counted_from(grams, share)
+        _, self._prior = candidates.nothing()
+        self._own = grams
         self._sum = self._own.sum(axis=0, keepdims=True)
         self._rest = self._sum - self._own
         self._alone = self._costs(self._always[None])
@@ -136,6 +140,7 @@ class HeldOutEvidence:
         sizes = np.array([len(own) for own in sets])
         gains = np.zeros(len(sets))
         for size in np.unique(sizes[sizes > always]):
+            # Equally large sets at once, in parts that fit the memory.
             at = np.flatnonzero(sizes == size)
             parts = 1 + len(at) * len(self._own) * size**2 // _MOST_ENTRIES
             for part in np.array_split(at, min(parts, len(at))):
@@ -196,11 +201,13 @@ def gather(task: Task, model: FitResult) -> Candidates:
             directions += [d for d in columns if d.slot in allowed]
             variants[kind].append(tuple(range(first, len(directions))))
 
+    # Formulas that diverge on a flight are no candidates.
     flights = model_fit.linear_flights(task, model, directions, functions)
     wild = tame(task, directions, flights)
     for kind in set(variants) - set(model.kinds):
         variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
 
+    # Columns of functions that act, and of others, each with several strengths.
     places = model.places(len(directions))
     variants |= {kind: [tuple(places[kind])] for kind in model.free_kinds}
     first = len(directions) + len(model.coordinates)
@@ -270,24 +277,6 @@ def _at_bounds(task: Task, model: FitResult) -> set[int]:
     return set(np.array(slots)[is_at_end & (is_shape | is_none)].tolist())
 
 
-def survey(task: Task, model: FitResult) -> dict[str, float]:
-    """Computes the evidence of each function beside a model without it [nats].
-
-    On a few flights; minus infinity where the model diverges.
-    """
-    few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
-    candidates = gather(few, model)
-    gram = candidates.total(model.scales)
-    names = [function.name for function in candidates.functions]
-    if not np.all(np.isfinite(gram)):
-        return dict.fromkeys(names, -np.inf)
-    evidence = candidates.evidence(gram)
-    variants = candidates.variants
-    own = [column for kind in model.kinds for column in variants[kind][0]]
-    [before] = evidence.extended(own, [()])
-    return {n: max(evidence.extended(own, variants[n])) - before for n in names}
-
-
 def tame(
     task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
 ) -> set[int]:
@@ -320,7 +309,7 @@ def saturated(candidates: Candidates, rounds: int) -> FitResult:
         gram = model_fit.grams_of(acting, scales).sum(axis=0)
         change = solve(prior.added_to(gram))
         flights = [f.combined(change) for f in acting]
-        scales = fit_scales(flights, scales, iterations=3).scales
+        scales, _ = fit_scales(flights, scales, iterations=3)
 
     model = dataclasses.replace(model, scales=scales)
     own = model_fit.in_surroundings(candidates.task, model, flights).about

@@ -1,6 +1,5 @@
 """Flights filtered and smoothed: their likelihood, and what they say of themselves."""
 
-import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,7 +15,6 @@ from glider.compiled.filter_error import (
 )
 from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import OFFSET
-from glider.physics.effects import LIBRARY
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import LAUNCH_SPREAD, Z
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings
@@ -93,7 +91,7 @@ def _filter(
     smoothed: int = 0,
 ) -> FilterArrays:
     """Filters a flight, of which so many nodes are to be smoothed."""
-    flight = flight.whole
+    flight = flight.expanded()
     record = flight.record
     n = len(flight.states)
     usual = start_variances(flight, scales)
@@ -156,12 +154,7 @@ def excludes(scales: Scales, about: Surroundings) -> bool:
     return bool(is_far.any()) or bool(np.abs(about.gusts).max() > most * scales.air)
 
 
-_COLUMNS = itertools.count()
-PER_FLIGHT = {
-    kind.kind: [next(_COLUMNS) for _ in kind.coefficients]
-    for kind in LIBRARY
-    if kind.varies_by
-}
+PER_FLIGHT = {"wind": [0, 1], "elevator_trim": [2], "pitch_offset": [3]}
 """Effects that may vary from flight to flight, and their columns of `flight_values`."""
 
 
@@ -199,6 +192,7 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         arrays, *slopes, _ = _traced_back(flight, scales)
         by_sensor, by_start, by_power, by_time = slopes
+        # By the logarithm of a deviation: twice the variance times the slope by it.
         start = arrays.start
         sensors = 2.0 * arrays.variance * by_sensor
         by_start[n : n + PROCESSES] += by_power

@@ -218,6 +218,7 @@ def _make_function(
         mean = shown.mean(axis=0, keepdims=True) @ basis
         basis = basis @ scipy.linalg.null_space(mean)
 
+    # Mixtures by what they show along flights, the most shown ones first.
     squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
     spreads = np.sqrt(np.maximum(squares[::-1], 0.0))
     basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]

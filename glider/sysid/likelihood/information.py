@@ -69,14 +69,45 @@ def bounded_step(
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class Prior:
+    """Prior of changes of coefficients: of slots of theta, then of functions."""
+
+    mean: np.ndarray  #: (m,) expected changes.
+    precision: np.ndarray  #: (m,)
+    lower: np.ndarray  #: (m,) least changes that are physical.
+    upper: np.ndarray  #: (m,) largest.
+
+    def among(self, columns: Sequence[int]) -> "Prior":
+        """Returns the prior of some of the columns."""
+        return Prior(**{name: own[columns] for name, own in vars(self).items()})
+
+    def added_to(self, gram: np.ndarray) -> np.ndarray:
+        """Returns a Gram matrix with the prior added as one more flight."""
+        total = gram.copy()
+        total[:-1, :-1] += np.diag(self.precision)
+        total[:-1, -1] += self.precision * self.mean
+        total[-1, :-1] = total[:-1, -1]
+        total[-1, -1] += float(self.precision @ self.mean**2)
+        return total
+
+    def best_step(self, gram: np.ndarray) -> np.ndarray:
+        """Returns the most probable physical change (m,)."""
+        return bounded_step(self.added_to(gram), self.lower, self.upper)
+
+    def gain(self, gram: np.ndarray, step: np.ndarray) -> float:
+        """Returns by how much a change (m,) is more probable than none [nats]."""
+        total = self.added_to(gram)
+        left = np.append(-step, 1.0)
+        return 0.5 * float(total[-1, -1] - left @ total @ left)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Evidence:
     """Squares of columns summed over flights, those that always act eliminated."""
 
     gram: np.ndarray  #: (M + 1, M + 1) of columns and, last, the error.
     at: np.ndarray  #: (m,) columns of the candidates, which may share one.
-    precision: np.ndarray  #: (m,) of the prior of the candidates' coefficients.
-    lower: np.ndarray  #: (m,) least changes that are physical.
-    upper: np.ndarray  #: (m,) largest.
+    prior: Prior  #: Of the candidates' coefficients.
 
     def extended(
         self, columns: Sequence[int], more: Sequence[Sequence[int]]
@@ -86,14 +117,15 @@ class Evidence:
         In log marginal likelihood: ½ b' A⁻¹ b - ½ log |A| + ½ log |Λ|, A = G + Λ; minus
         infinity where a coefficient is not physical, to two standard errors.
         """
-        slack = 1e-9 + 2.0 / np.sqrt(self.gram.diagonal()[self.at] + self.precision)
+        prior = self.prior
+        slack = 1e-9 + 2.0 / np.sqrt(self.gram.diagonal()[self.at] + prior.precision)
         gains = np.empty(len(more))
         extended(
             np.ascontiguousarray(self.gram),
             self.at,
-            self.precision,
-            self.lower - slack,
-            self.upper + slack,
+            prior.precision,
+            prior.lower - slack,
+            prior.upper + slack,
             np.array(columns, dtype=int),
             np.array([*chain.from_iterable(more)], dtype=int),
             np.cumsum([len(variant) for variant in more], dtype=int),
@@ -106,9 +138,7 @@ class Evidence:
         """Returns the likeliest physical coefficients of columns, counted from zero."""
         own = list(columns)
         at = [*self.at[own], -1]
-        information = self.gram[np.ix_(at, at)]
-        information[:-1, :-1] += np.diag(self.precision[own])
-        return bounded_step(information, self.lower[own], self.upper[own])
+        return self.prior.among(own).best_step(self.gram[np.ix_(at, at)])
 
 
 def counted_from(gram: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -122,14 +152,13 @@ def counted_from(gram: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def eliminate(
-    gram: np.ndarray, always: Sequence[int], precision: np.ndarray, mean: np.ndarray
+    gram: np.ndarray, always: Sequence[int], precision: np.ndarray
 ) -> np.ndarray:
     """Returns a Gram matrix (M + 1, M + 1) with columns solved for and eliminated.
 
-    Their changes have a prior of such precisions and means (len(always),); their own
+    Their changes have a prior of such precisions (len(always),) about zero; their own
     rows mean nothing afterwards.
     """
     side = gram[:, list(always)]
     corner = gram[np.ix_(always, always)]
-    side[-1] += precision * mean
     return gram - side @ solve_scaled(corner + np.diag(precision), side, 1e-11).T

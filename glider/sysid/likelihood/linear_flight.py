@@ -77,7 +77,7 @@ class LinearFlight:
     shows: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
-    #: More columns, which `whole` has before the last: each block is of an effect of
+    #: More columns, which `expanded` has before the last: each block is of an effect of
     #: FREE_FUNCTIONS, with its values (K, q) at the midpoints of intervals; or
     #: (K + 1, q) at the nodes, if sensors show it.
     added: Sequence[tuple[EffectKind, np.ndarray]] = ()
@@ -85,7 +85,7 @@ class LinearFlight:
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
         """Returns the flight with its error at changes δ (m,) alone, light to send."""
-        whole = self.whole
+        whole = self.expanded()
         mix = np.append(-weights, 1.0)
         return dataclasses.replace(
             whole,
@@ -100,9 +100,8 @@ class LinearFlight:
         alone = dataclasses.replace(self, added=())
         return alone.combined(np.zeros(self.inputs.shape[2] - 1))
 
-    @property
-    def whole(self) -> "LinearFlight":
-        """The flight with all columns, which take ten times the memory."""
+    def expanded(self) -> "LinearFlight":
+        """Makes the flight with all columns, which take ten times the memory."""
         if not self.added:
             return self
         first = self.inputs.shape[2] - 1
@@ -176,6 +175,7 @@ def linearize(
         for j, d in moving.items()
         if d.slot < space.num_flown and not (d.shapes and d.kind in space.states)
     ]
+    # Where the flight begins off its measured node, and off its own constants.
     moved = np.empty((len(plain), len(dynamics)))
     sizes = np.empty(len(plain))
     start = np.zeros((len(states) + OWN_STATES, columns))
@@ -190,6 +190,7 @@ def linearize(
             own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
             start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
 
+    # All that is smooth at once: by states, by constants of terms, by plain directions.
     index = [ROWS[name] for name in shown]
     width = states[-1] + 1
     ends, by_x, by_term, by_plain = slopes_along(
@@ -208,6 +209,7 @@ def linearize(
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
 
+    # The filter's own states move with those of the flight.
     n = len(states)
     step = np.diff(record.time)
     by_term = by_term.take(states, 1)

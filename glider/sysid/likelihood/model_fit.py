@@ -21,7 +21,7 @@ from glider.sysid.likelihood.filtering import (
     whiten,
 )
 from glider.sysid.likelihood.fitted_functions import FittedFunction, values_at_nodes
-from glider.sysid.likelihood.information import bounded_step, solve_scaled
+from glider.sysid.likelihood.information import Prior, solve_scaled
 from glider.sysid.likelihood.linear_flight import (
     FORCES,
     STILL_AIR,
@@ -87,39 +87,6 @@ def error_flights(task: Task, model: FitResult) -> list[LinearFlight]:
     return [flight.error_only() for flight in linear_flights(task, model, ())]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Prior:
-    """Prior of changes of a model: along slots of theta, then of its functions."""
-
-    mean: np.ndarray  #: (m,) expected changes.
-    precision: np.ndarray  #: (m,)
-    lower: np.ndarray  #: (m,) least changes that are physical.
-    upper: np.ndarray  #: (m,) largest.
-
-    def among(self, columns: Sequence[int]) -> "Prior":
-        """Returns the prior of some of the columns."""
-        return Prior(**{name: own[columns] for name, own in vars(self).items()})
-
-    def added_to(self, gram: np.ndarray) -> np.ndarray:
-        """Returns a Gram matrix with the prior added as one more flight."""
-        total = gram.copy()
-        total[:-1, :-1] += np.diag(self.precision)
-        total[:-1, -1] += self.precision * self.mean
-        total[-1, :-1] = total[:-1, -1]
-        total[-1, -1] += float(self.precision @ self.mean**2)
-        return total
-
-    def best_step(self, gram: np.ndarray) -> np.ndarray:
-        """Returns the most probable physical change (m,)."""
-        return bounded_step(self.added_to(gram), self.lower, self.upper)
-
-    def gain(self, gram: np.ndarray, step: np.ndarray) -> float:
-        """Returns by how much a change (m,) is more probable than none [nats]."""
-        total = self.added_to(gram)
-        left = np.append(-step, 1.0)
-        return 0.5 * float(total[-1, -1] - left @ total @ left)
-
-
 def prior_of(
     task: Task,
     model: FitResult,
@@ -159,7 +126,6 @@ def fit_model(
     step = None
     tries = 0
     current = model
-    curvature = None
     about_moves = True
     promised = np.inf
     flights = now = list[LinearFlight]()
@@ -171,13 +137,8 @@ def fit_model(
         if not iteration and len(free_scales) == len(NAMES):
             scales = lifted(scales)
         if free_scales:
-            scales, value, curvature = fit_scales(
-                now,
-                scales,
-                free_scales,
-                iterations=2 if iteration else 6,
-                curvature=curvature,
-            )
+            steps = 2 if iteration else 6
+            scales, value = fit_scales(now, scales, free_scales, steps)
         else:
             value = float(negative_log_likelihood(now, scales).sum())
 
@@ -186,6 +147,7 @@ def fit_model(
             current = in_surroundings(task, current, now)
             continue
 
+        # Is it better? Else a shorter step is tried from the best model.
         prior = prior_of(task, current, start=model.theta)
         value += 0.5 * float(prior.precision @ prior.mean**2)
         value = value if np.isfinite(value) else np.inf
@@ -208,6 +170,7 @@ def fit_model(
         is_done = gained < _TOLERANCE and _TRUSTED * promised < _TOLERANCE
         if is_done and iteration >= _FEWEST_ITERATIONS:
             break
+        # The next step, and what the flights' surroundings are after it.
         gram = grams_of(flights, scales).sum(axis=0)
         step = prior.best_step(gram)
         promised = prior.gain(gram, step)
@@ -275,6 +238,7 @@ def _fit_strength(
     gram = grams_of(flights, model.scales).sum(axis=0)
     if not np.all(np.isfinite(gram)):  # It diverges.
         return dataclasses.replace(model, cost=np.inf)
+    # The fixed point: strengths by the coordinates, these by the strengths.
     of_functions = slice(len(model.free), None)
     start = model.coordinates
     unit = np.eye(len(gram) - 1)
@@ -293,6 +257,7 @@ def _fit_strength(
         model = dataclasses.replace(model, functions=tuple(functions))
         prior = prior_of(task, model)
 
+    # Of the volume, the share that the flights leave of the prior's.
     total = prior.added_to(gram)
     precision = prior.precision[own]
     relative = solve_scaled(total[:-1, :-1], unit, 1e-12)[np.ix_(own, own)]

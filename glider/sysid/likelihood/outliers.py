@@ -56,6 +56,7 @@ def _mean_squares(task: Task, noise: Noise) -> np.ndarray:
     candidates, grams = gather_in_parts(task, model, COARSE_SCALES)
     counts = np.array([np.sum(record.seen) for record in task.records])
     prior = model_fit.prior_of(task, model, candidates.slots)
+    # The larger its error, the less a flight counts.
     weights = np.ones(len(grams))
     for _ in range(_ROUNDS):
         total = prior.added_to(np.tensordot(weights, grams, 1))

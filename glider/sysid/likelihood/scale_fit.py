@@ -1,7 +1,6 @@
 """The fit of the scales of noise to flights: Fisher scoring and BFGS."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from glider.sysid.likelihood.filtering import score, whiten
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import LinearFlight
 from glider.sysid.likelihood.scales import CEILING, FLOOR, NAMES, Scales
+from glider.sysid.replay.record import evenly
 
 _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
@@ -26,11 +26,6 @@ _PRECISION = np.where(
 )
 
 
-def typical_flights(flights: Sequence[Any]) -> Sequence[Any]:
-    """About FEW_FLIGHTS of many, evenly picked."""
-    return flights[:: max(1, len(flights) // FEW_FLIGHTS)]
-
-
 def lifted(scales: Scales) -> Scales:
     """Returns scales at least halfway to their usual ones, in logarithms.
 
@@ -40,48 +35,39 @@ def lifted(scales: Scales) -> Scales:
     return Scales.from_logs(np.maximum(scales.logs, least))
 
 
-class _FittedScales(NamedTuple):
-    """Scales of the greatest likelihood."""
-
-    scales: Scales
-    cost: float  #: Negative log-likelihood there [nats].
-    #: Second derivatives by the logarithms of all scales, for another fit.
-    curvature: np.ndarray | None
-
-
 def fit_scales(
     flights: Sequence[LinearFlight],
     scales: Scales,
     free: Sequence[str] = NAMES,
     iterations: int = 8,
     tolerance: float = 0.05,
-    curvature: np.ndarray | None = None,
-) -> _FittedScales:
+) -> tuple[Scales, float]:
     """Maximises the likelihood of the scales by Fisher scoring, damped.
 
     Those in `free` are fitted to flights with one column, their error, until less than
     `tolerance` would be gained [nats]. The slopes are exact; the information is that of
     a few flights, at scales nearby, which suffices.
+
+    Returns:
+        the scales, and the negative log-likelihood and prior there [nats].
     """
     index = np.array([NAMES.index(name) for name in free], dtype=int)
     low = FLOOR.logs
     high = CEILING.logs
     logs = np.clip(scales.logs, low, high)
     damping = 0.0
-    is_given = curvature is not None  # Of another model, whose errors may be larger.
+    curvature = None
     value, slopes = _score(flights, logs)
     if not np.all(np.abs(slopes) < _DIVERGED):
         value = np.inf
     # Else there is none, or it diverges.
     begins = bool(flights and free) and np.isfinite(value)
-    for _ in range(iterations + is_given if begins else 0):
+    for _ in range(iterations if begins else 0):
         if curvature is None:
             curvature = _information(flights, logs, index)
         fisher = curvature[np.ix_(index, index)]
         if not np.all(np.isfinite(fisher)):
-            curvature = None
             break
-
         fisher += np.diag(_PRECISION[index] + _LEAST_FISHER)
         system = np.pad(fisher, (0, 1))
         system[:-1, -1] = -slopes[index]
@@ -113,13 +99,9 @@ def fit_scales(
             damping = max(10.0 * damping, 0.1)
 
         if gained < tolerance:
-            if not is_given:
-                break
-            curvature = None
-            damping = 0.0
-            is_given = False
+            break
 
-    return _FittedScales(Scales.from_logs(logs), value, curvature)
+    return Scales.from_logs(logs), value
 
 
 def _score(
@@ -142,7 +124,7 @@ def _information(
     steps = _STEP_OF_LOG * np.eye(len(logs))[index]
     moved = [Scales.from_logs(logs + s) for s in steps]
     scales = Scales.from_logs(logs)
-    few = typical_flights(flights)
+    few = evenly(flights, FEW_FLIGHTS)
 
     def one(flight: LinearFlight) -> np.ndarray:
         base = whiten(flight, scales)

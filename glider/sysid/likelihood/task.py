@@ -20,7 +20,7 @@ from glider.sysid.likelihood.fitted_functions import (
 from glider.sysid.likelihood.linear_flight import Surroundings
 from glider.sysid.likelihood.scales import Scales, start_scales
 from glider.sysid.replay.log_space import SERVO_LOG
-from glider.sysid.replay.record import Noise, Record
+from glider.sysid.replay.record import Noise, Record, evenly
 from glider.sysid.replay.vehicle import Vehicle
 
 
@@ -95,9 +95,7 @@ class Task:
 
     def thinned(self, count: int) -> "Task":
         """Returns the task on at most `count` of its flights, evenly picked."""
-        last = len(self.records) - 1
-        keep = np.linspace(0, last, min(count, last + 1)).round().astype(int)
-        return self.on([self.records[i] for i in keep])
+        return self.on(evenly(self.records, count))
 
 
 def make_task(

@@ -122,12 +122,14 @@ def larger_of(likelihood: np.ndarray, changes: np.ndarray) -> tuple[np.ndarray, 
     flights, r = changes.shape
     if not np.isfinite(np.sum(likelihood) + np.sum(changes)):  # The model diverges.
         return np.full((r, r), np.nan), np.inf
+    # The jackknife's covariance in the axes where the likelihood's is one.
     size = np.sqrt(np.diag(likelihood))
     values, axes = np.linalg.eigh(likelihood / size[:, None] / size)
     root = axes * np.sqrt(np.maximum(values, 1e-12))
     in_axes = np.linalg.solve(root, (changes / size).T)
     values, axes = np.linalg.eigh(in_axes @ in_axes.T)
     larger = np.maximum(values, 1.0)
+    # The larger one's root, and how many flights its own share is estimated from.
     root = size[:, None] * (root @ axes) * np.sqrt(larger)
     squares = np.sum((axes.T @ in_axes) ** 2 / larger[:, None], axis=0)
     total = max(float(np.sum(squares**2)), 1e-300)

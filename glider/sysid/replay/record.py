@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -79,15 +80,6 @@ class Record:
     is_cut: bool = False  #: Whether its log was cut: unknown commands moved it.
     replays: dict = dataclasses.field(init=False, repr=False, default_factory=dict)
     """What `replayed` keeps of its elevator, by the numbers of a model."""
-
-    def first(self, count: int) -> "Record":
-        """Returns the beginning of the flight, its first nodes."""
-        of_nodes = "time pose elevator seen nodes departure"
-        of_nodes += " acceleration acceleration_std"
-        ends = dict.fromkeys(of_nodes.split(), count)
-        ends |= dict.fromkeys(("pitch", "bank", "side_wind"), count - 1)
-        cut = {name: getattr(self, name)[:end] for name, end in ends.items()}
-        return dataclasses.replace(self, **cut)
 
 
 def prepare(
@@ -192,6 +184,13 @@ def _record(
         trim_is_moment=campaign.elevator == "fixed_per_flight"
         and "elevator_area" not in campaign.vehicle,
     )
+
+
+def evenly(flights: Sequence[Any], count: int) -> list[Any]:
+    """Returns at most so many of some flights, evenly picked."""
+    last = len(flights) - 1
+    keep = np.linspace(0, last, min(count, last + 1)).round().astype(int)
+    return [flights[i] for i in keep]
 
 
 def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

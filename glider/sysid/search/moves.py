@@ -36,6 +36,12 @@ class Search:
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
     _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
 
+    def thinned(self, count: int) -> "Search":
+        """Returns the search on at most `count` flights, with the fits if on all."""
+        task = self.task.thinned(count)
+        is_whole = len(task.records) == len(self.task.records)
+        return Search(task, self.progress, self.fitted if is_whole else {})
+
     def penalized_cost(self, model: FitResult) -> float:
         """Returns a model's cost with the thresholds of its effects [nats]."""
         kinds = model.kinds
@@ -174,7 +180,7 @@ class Search:
         own = score.by_first(model.kinds)
         found: dict[str, Members] = {}
         for other in (*score.larger(own), *score.swapped(own)):
-            kind, _ = other[-1]
+            [(kind, _)] = {*other} - {*own}
             best = found.get(kind, other)
             found[kind] = max(best, other, key=score)
 

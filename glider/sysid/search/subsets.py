@@ -11,11 +11,12 @@ import numpy as np
 
 from glider.physics.effects.families import FAMILIES
 from glider.sysid import constants
-from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence
+from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, gather
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
 
-Members = tuple[tuple[str, tuple[int, ...]], ...]  # Kinds, and the columns they act by.
+# Kinds, and the columns they act by, sorted.
+Members = tuple[tuple[str, tuple[int, ...]], ...]
 
 _HELD_OUT = constants.HELD_OUT_THRESHOLD
 
@@ -34,26 +35,23 @@ class Scorer:
         self.variants = candidates.variants
         self.evidence = evidence
         self.penalty = penalty
-        # Of sorted members: a frozenset takes seven times the memory.
         self._kept = dict[Members, float]()
         self._scores = dict[Members, float]()
 
     def __call__(self, members: Members) -> float:
         """Returns the evidence of a set less its penalty [nats]."""
-        key = tuple(sorted(members))
-        if key not in self._scores:
+        if members not in self._scores:
             kinds = [kind for kind, _ in members]
             penalties = sum(self.penalty(kind, kinds) for kind in kinds)
-            self._scores[key] = self.gain(members) - penalties
+            self._scores[members] = self.gain(members) - penalties
 
-        return self._scores[key]
+        return self._scores[members]
 
     def gain(self, members: Members) -> float:
         """Returns the evidence of a set without its penalty [nats]."""
-        key = tuple(sorted(members))
-        if key not in self._kept:
-            [self._kept[key]] = self.evidence.extended(columns_of(members), [()])
-        return self._kept[key]
+        if members not in self._kept:
+            [self._kept[members]] = self.evidence.extended(columns_of(members), [()])
+        return self._kept[members]
 
     def lost(self, members: Members) -> dict[str, float]:
         """Returns the loss without each member, without its penalty [nats].
@@ -71,7 +69,7 @@ class Scorer:
 
     def by_first(self, kinds: Iterable[str]) -> Members:
         """Returns the set of some kinds, each by its first variant."""
-        return tuple((kind, self.variants[kind][0]) for kind in kinds)
+        return tuple((kind, self.variants[kind][0]) for kind in sorted(kinds))
 
     def among(self, kinds: Collection[str]) -> "Scorer":
         """Returns the scorer with only some kinds to choose from."""
@@ -119,20 +117,19 @@ class Scorer:
     def larger(self, members: Members) -> Iterable[Members]:
         """Returns the sets with one member more."""
         have = dict(members)
-        sets = [
-            (*members, (kind, variant))
+        sets = {
+            tuple(sorted((*members, (kind, variant)))): variant
             for kind, variants in self.variants.items()
             for variant in variants
             if kind not in have
-        ]
+        }
 
-        pairs = ((tuple(sorted(own)), own) for own in sets)
-        if new := {key: own for key, own in pairs if key not in self._kept}:
-            more = [variant for *_, (_, variant) in new.values()]
+        if new := [own for own in sets if own not in self._kept]:
+            more = [sets[own] for own in new]
             gains = self.evidence.extended(columns_of(members), more)
             self._kept.update(zip(new, gains, strict=True))
 
-        return sets
+        return list(sets)
 
     def smaller(self, members: Members) -> Iterable[Members]:
         """Yields the sets with one member less."""
@@ -143,7 +140,7 @@ class Scorer:
         """Yields the sets with one member exchanged."""
         for rest in self.smaller(members):
             for other in self.larger(rest):
-                if frozenset(other) != frozenset(members):
+                if other != members:
                     yield other
 
     def merged(self, members: Members) -> Iterable[Members]:
@@ -199,6 +196,28 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
     return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own
 
 
+def survey(task: Task, model: FitResult) -> dict[str, float]:
+    """Returns the evidence of each function beside a model without it [nats].
+
+    On a few flights; of none where the model diverges.
+    """
+    few = dataclasses.replace(task.thinned(constants.FEW_FLIGHTS), kinds=())
+    candidates = gather(few, model)
+    gram = candidates.total(model.scales)
+    if not np.all(np.isfinite(gram)):  # It diverges.
+        return {}
+    evidence = candidates.evidence(gram)
+    score = Scorer(candidates, evidence, functools.partial(threshold_of, task))
+    members = score.by_first(model.kinds)
+    gains: dict[str, float] = {}
+    for more in score.larger(members):
+        [(name, _)] = {*more} - {*members}
+        gain = score.gain(more) - score.gain(members)
+        gains[name] = max(gains.get(name, gain), gain)
+
+    return gains
+
+
 def near_sets(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[str]]]:
     """Returns formulas of sets near one, and those as good in place of each of its own.
 
@@ -209,7 +228,7 @@ def near_sets(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[st
     alike: dict[str, set[str]] = {kind: set() for kind in kinds}
     best = score(found)
     for other in (*score.larger(found), *score.swapped(found)):
-        kind, _ = other[-1]
+        [(kind, _)] = {*other} - {*found}
         lost = best - score(other)
         if kind in kinds or kind in FAMILIES or lost > constants.CLEAR:
             continue
@@ -251,12 +270,12 @@ def best_of_sizes(score: Scorer) -> list[Members]:
     found: list[Members] = []
     best: Members = ()
     for _ in range(constants.MOST_EFFECTS):
-        pool = {frozenset(m): m for parent in beam for m in score.larger(parent)}
-        ranked = sorted(pool.values(), key=score, reverse=True)[: constants.FOLLOWED]
+        pool = dict.fromkeys(m for parent in beam for m in score.larger(parent))
+        ranked = sorted(pool, key=score, reverse=True)[: constants.FOLLOWED]
         if not ranked or score(ranked[0]) < score(best) - constants.CLEAR:
             break
         reached = [climb(score, m, same_size=True) for m in ranked]
-        beam = list({frozenset(m): m for m in reached}.values())
+        beam = list(dict.fromkeys(reached))
         found.append(max(beam, key=score))
         best = max(best, found[-1], key=score)
 

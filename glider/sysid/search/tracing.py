@@ -6,7 +6,7 @@ unknown the best sets are those that predict held-out flights best.
 """
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from glider.sysid.likelihood.candidates import gather
 from glider.sysid.likelihood.fitted_functions import flown_values
 from glider.sysid.likelihood.model_fit import error_flights, fit_model
 from glider.sysid.likelihood.scale_fit import fit_scales
-from glider.sysid.likelihood.scales import NAMES, start_scales
+from glider.sysid.likelihood.scales import NAMES, Scales, start_scales
 from glider.sysid.likelihood.task import FitResult, Task, start_of
 from glider.sysid.replay.record import Noise
 from glider.sysid.result import UNEXPLAINED
@@ -85,14 +85,15 @@ class SearchResult:
         )
 
 
-def trace(task: Task, noise: Noise, progress: Progress) -> SearchResult:
-    """Finds the effects that the flights show.
+def trace(search: Search, noise: Noise) -> SearchResult:
+    """Finds the effects that the flights of a search show, which keeps its fits.
 
     By their evidence; where forces are unknown, by predictions of held-out flights.
     """
+    task = search.task
+    progress = search.progress
     if not task.vehicle.knows_forces:
         return _trace_by_predictions(task, noise, progress)
-    search = Search(task, progress)
     model = _searched(search, start_of(task, noise))
     progress(Step("weighing the effects", 0.76))
     model, evidence = _needed(search, model)
@@ -292,7 +293,7 @@ def _trace_by_predictions(task: Task, noise: Noise, progress: Progress) -> Searc
         model = fit_model(task, score.begin(members), free_scales=())
         # With the errors that it leaves in the forces.
         flights = error_flights(task, model)
-        scales = fit_scales(flights, model.scales, free=("air", "air_time")).scales
+        scales, _ = fit_scales(flights, model.scales, free=("air", "air_time"))
         model = dataclasses.replace(model, scales=scales)
         if frozenset(model.kinds) in tried:
             break
@@ -305,9 +306,16 @@ def _trace_by_predictions(task: Task, noise: Noise, progress: Progress) -> Searc
 
     progress(Step("fitting the moment", 0.53))
     near, alike = near_sets(score.among(without_late(task).offered), members)
+    others = [name for name in NAMES if name not in _OF_FORCES]
+
+    def with_moment(model: FitResult) -> FitResult:
+        kept = {name: getattr(model.scales, name) for name in _OF_FORCES}
+        scales = dataclasses.replace(start_scales(noise), **kept)
+        return _with_moment(task, model, scales, others)
+
     return SearchResult(
-        model=_with_moment(task, model, noise),
-        bare=_with_moment(task, bare, noise),
+        model=with_moment(model),
+        bare=with_moment(bare),
         evidence=score.lost(members),
         names={kind: kind for kind in model.kinds},
         threshold=HELD_OUT_THRESHOLD["effect"],
@@ -327,16 +335,15 @@ def _slots_of_moment(task: Task) -> set[int]:
     return found
 
 
-def _with_moment(task: Task, model: FitResult, noise: Noise) -> FitResult:
-    """Returns a model of forces with its moment fitted, and all scales."""
+def _with_moment(
+    task: Task, model: FitResult, scales: Scales, free_scales: Sequence[str] = ()
+) -> FitResult:
+    """Returns a model of forces with its moment fitted, and some scales."""
     slots = _slots_of_moment(task)
     free = tuple(i for i in task.vehicle.nuisance if i in slots)
-    kept = {name: getattr(model.scales, name) for name in _OF_FORCES}
-    scales = dataclasses.replace(start_scales(noise), **kept)
     start = dataclasses.replace(model, free=free, scales=scales, has_force_errors=False)
-    others = [name for name in NAMES if name not in _OF_FORCES]
-    fitted = fit_model(task, start, free_scales=others)
-    return dataclasses.replace(fitted, free=model.free)
+    fitted = fit_model(task, start, free_scales=free_scales)
+    return dataclasses.replace(fitted, free=task.free(model.kinds))
 
 
 def refitted(task: Task, model: FitResult, forces: FitResult | None) -> FitResult:
@@ -350,12 +357,7 @@ def refitted(task: Task, model: FitResult, forces: FitResult | None) -> FitResul
     if forces is None:
         return fit_model(task, model, free_scales=())
     found = fit_model(task, forces_alone(task, model, forces), free_scales=())
-    free = tuple(i for i in model.free if i not in found.free)
-    start = dataclasses.replace(
-        found, free=free, scales=model.scales, has_force_errors=False
-    )
-    fitted = fit_model(task, start, free_scales=())
-    return dataclasses.replace(fitted, free=model.free)
+    return _with_moment(task, found, model.scales)
 
 
 def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:

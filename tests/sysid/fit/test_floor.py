@@ -10,7 +10,7 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit import floor as floors
-from glider.sysid.fit.floor import find_floor
+from glider.sysid.fit.floor import Perfect, find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import FLOOR
@@ -35,6 +35,11 @@ def scales_of(truth):
     )
 
 
+def perfect_of(scales, noise):
+    ratio = noise.smoothing[2].ratio
+    return Perfect(truth=scales, pitch_ratio=ratio, rng=np.random.default_rng(0))
+
+
 def floor_and_errors(campaign, truth, effect=None):
     """Predicts flights of the nominal glider by a model, perfect without an effect."""
     task, noise = task_of(campaign)
@@ -43,10 +48,10 @@ def floor_and_errors(campaign, truth, effect=None):
     if effect is not None:
         model.theta[task.space.index[".".join(effect[:2])]] = effect[2]
     flown = flown_by(task, model, scales)
-    ratio = noise.smoothing[2].ratio
-    floor = find_floor(flown, task.records, scales, ratio, np.random.default_rng(0))
-    pairs = [(record, predict(flown, record)) for record in task.records]
-    return floor, np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
+    perfect = perfect_of(scales, noise)
+    floor = find_floor(flown, task.records, perfect)
+    own = [predict(flown, record) for record in task.records]
+    return floor, np.sqrt(mean_squares(task.records, own)[:, :2])
 
 
 NO_NOISE = EquationErrors(0.0, 0.0, 0.0)
@@ -162,10 +167,9 @@ def test_memory_that_begins_elsewhere_is_predicted_along_the_pitch_too():
     model = begin(task, noise, [effect.kind.kind])
     model = dataclasses.replace(model, theta=theta)
     flown = flown_by(task, model, scales)
-    ratio = noise.smoothing[2].ratio
-    floor = find_floor(flown, task.records, scales, ratio, rng)
-    pairs = [(record, predict(flown, record)) for record in task.records]
-    errors = np.sqrt([mean_squares(*pair)[:2] for pair in pairs])
+    floor = find_floor(flown, task.records, perfect_of(scales, noise))
+    own = [predict(flown, record) for record in task.records]
+    errors = np.sqrt(mean_squares(task.records, own)[:, :2])
     assert floor.chance(errors) > UNLIKELY
     rms = np.sqrt(np.mean(errors[:, 1] ** 2))
     assert rms < 1.5 * floor.errors(NO_NOISE, 6).rollout_measured_pitch.position_rms_m
@@ -190,7 +194,7 @@ def test_the_floor_of_a_model_that_diverges_is_unknown(still, name, factor):
     model = dataclasses.replace(begin(task, noise), scales=scales)
     model.theta[task.space.index[name]] *= factor
     flown = flown_by(task, model, scales)
-    ratio = noise.smoothing[2].ratio
-    floor = find_floor(flown, task.records, scales, ratio, np.random.default_rng(0))
+    perfect = perfect_of(scales, noise)
+    floor = find_floor(flown, task.records, perfect)
     errors = floor.errors(NO_NOISE, 2)
     assert not errors.position_rms_m < 10.0

@@ -94,13 +94,14 @@ def test_costs_of_unseen_flights_are_by_their_predictive_distribution():
     model = in_surroundings(task, model, error_flights(task, model))
     candidates, grams = gather_in_parts(task.offering(()), model, model.scales)
     given, prior = candidates.nothing()
+    about_model = counted_from(grams, -given)
     now = negative_log_likelihood(error_flights(task, model), model.scales)
-    constant = now - 0.5 * grams[:, -1, -1]
+    constant = now - 0.5 * about_model[:, -1, -1]
     counts = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.0])
 
     def evidence(counts):
         all_flights = np.tensordot(counts, grams, 1)
-        total = prior.added_to(counted_from(all_flights, given))
+        total = prior.added_to(all_flights)
         a, b = total[:-1, :-1], total[:-1, -1]
         least = total[-1, -1] - b @ np.linalg.solve(a, b)
         return counts @ constant + 0.5 * (least + np.linalg.slogdet(a)[1])

@@ -12,11 +12,14 @@ from glider.sysid.fit import prediction
 from glider.sysid.fit.prediction import (
     RolloutModel,
     beginning_rows,
-    errors_on,
+    errors_from,
     find_launch,
     flown_by,
+    mean_squares,
     predict,
     rms,
+    rows_of,
+    which_count,
 )
 from glider.sysid.likelihood.scales import start_scales
 from glider.sysid.replay.log_space import vector_of
@@ -170,21 +173,23 @@ def test_a_flight_on_which_every_model_diverges_counts_for_none(windy, times):
     one, two = good.copy(), good.copy()
     one[2] = two[2] = far(good[2], times)
     two[1] = far(good[1], times)
-    equation = dict.fromkeys(("one", "two"), rms(np.zeros((1, 3))))
-    found, counts = errors_on(task.records, {"one": one, "two": two}, equation)
+    squares = [mean_squares(task.records, own) for own in (one, two)]
+    counts = which_count(squares)
     assert counts.tolist() == [True, True, False, True]
-    rest = [task.records[i] for i in (0, 1, 3)]
-    alone, _ = errors_on(rest, {"one": [good[i] for i in (0, 1, 3)]}, equation)
-    assert found["one"] == alone["one"]
-    assert not found["two"].position_rms_m < 1e3
+    rows, nothing = rows_of(task.records), rms(np.zeros((1, 3)))
+    left = [errors_from(own[counts, :, None], rows[counts], nothing) for own in squares]
+    assert left[0].position_rms_m < 0.05
+    assert not left[1].position_rms_m < 1e3
 
 
 def test_where_every_model_diverges_everywhere_the_errors_say_so(windy):
     task, model = windy
     flown = [far(predict(model, record), np.inf) for record in task.records]
-    equation = {"one": rms(np.zeros((1, 3)))}
-    found, counts = errors_on(task.records, {"one": flown}, equation)
-    assert counts.all() and not np.isfinite(found["one"].position_rms_m)
+    squares = mean_squares(task.records, flown)
+    assert which_count([squares]).all()
+    nothing = rms(np.zeros((1, 3)))
+    errors = errors_from(squares[..., None], rows_of(task.records), nothing)
+    assert not np.isfinite(errors.position_rms_m)
 
 
 def test_a_flights_own_trim_is_found_on_its_beginning(windy):

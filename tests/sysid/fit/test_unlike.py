@@ -7,7 +7,8 @@ import pytest
 
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.fit.prediction import flown_by, path_errors, predict
+from glider.sysid.fit.floor import Perfect
+from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.fit.unlike import find_unlike, predict_unlike
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.replay.log_space import vector_of
@@ -84,8 +85,8 @@ def unlike_of(task, model):
     table = make_table(task.records, model.theta, [0.0] * count, model.gaussians)
     truth = model.scales.without_floors
     rng = np.random.default_rng(0)
-    models = {"corrected": model}
-    return predict_unlike(task, models, None, table, truth, 1e-4, rng)
+    perfect = Perfect(truth=truth, pitch_ratio=1e-4, rng=rng)
+    return predict_unlike(task, {"corrected": model}, None, table, perfect)
 
 
 def test_what_only_few_flights_show_is_not_known_without_them():
@@ -95,8 +96,8 @@ def test_what_only_few_flights_show_is_not_known_without_them():
     """
     task, model = fit_truth(shallow_and_deep(12, 3))
     flown = flown_by(task, model, model.scales)
-    paths = path_errors(task.records, [predict(flown, own) for own in task.records])
-    assert np.all(paths[:, 0] < 0.006)
+    squares = mean_squares(task.records, [predict(flown, r) for r in task.records])
+    assert np.all(squares[:, 0] < 0.006**2)
     unlike = unlike_of(task, model)
     assert unlike.flights == tuple(f"flight_{i:03d}.csv" for i in range(12, 15))
     assert unlike.difference.what == "largest alpha"

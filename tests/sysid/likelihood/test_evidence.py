@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from glider.sysid.likelihood.information import Evidence, eliminate
+from glider.sysid.likelihood.information import Evidence, Prior, eliminate
 from tests.helpers.searches import gain_of
 
 WIDE = np.full(5, 1e6)
@@ -25,13 +25,13 @@ PRECISION = np.array([0.5, 2.0, 0.1, 1.0, 4.0])
 
 
 def evidence_of(table, lower=-WIDE, upper=WIDE):
-    return Evidence(
-        gram=table.T @ table,
-        at=np.arange(table.shape[1] - 1),
-        precision=PRECISION,
-        lower=lower,
-        upper=upper,
-    )
+    at = np.arange(table.shape[1] - 1)
+    return Evidence(gram=table.T @ table, at=at, prior=prior_of(lower, upper))
+
+
+def prior_of(lower, upper, precision=PRECISION):
+    mean = np.zeros(len(precision))
+    return Prior(mean=mean, precision=precision, lower=lower, upper=upper)
 
 
 @pytest.mark.parametrize("columns", [[0], [3], [0, 1], [4, 2, 0], [0, 1, 2, 3, 4]])
@@ -51,9 +51,7 @@ def test_candidates_may_share_columns_with_priors_of_their_own(table):
     shared = dataclasses.replace(
         usual,
         at=np.tile(usual.at, 2),
-        precision=both,
-        lower=np.tile(usual.lower, 2),
-        upper=np.tile(usual.upper, 2),
+        prior=prior_of(np.tile(-WIDE, 2), np.tile(WIDE, 2), both),
     )
     smaller = table * np.array([*5 * [0.1], 1.0])
     for columns in ([0], [3, 1]):
@@ -91,22 +89,21 @@ def test_what_is_not_physical_is_impossible(table, side):
 
 
 def test_what_always_acts_is_integrated_out(table):
-    """Their columns widen the noise; their expected change is taken off the error."""
+    """Their columns widen the noise."""
     always, keep = [1, 4], [0, 2, 3, 5]
-    own, mean = np.array([2.0, 0.3]), np.array([0.5, -1.0])
+    own = np.array([2.0, 0.3])
     x = table[:, always]
     noise = np.eye(len(table)) + x @ np.diag(1.0 / own) @ x.T
-    rest = table[:, keep].copy()
-    rest[:, -1] -= x @ mean
+    rest = table[:, keep]
     expected = rest.T @ np.linalg.solve(noise, rest)
-    found = eliminate(table.T @ table, always, own, mean)[np.ix_(keep, keep)]
+    found = eliminate(table.T @ table, always, own)[np.ix_(keep, keep)]
     np.testing.assert_allclose(found[:3], expected[:3], rtol=1e-7, atol=1e-8)
     np.testing.assert_allclose(found[:, :3], expected[:, :3], rtol=1e-7, atol=1e-8)
 
 
 def test_with_nothing_to_eliminate_all_stays(table):
     gram = table.T @ table
-    none = eliminate(gram, [], np.zeros(0), np.zeros(0))
+    none = eliminate(gram, [], np.zeros(0))
     np.testing.assert_array_equal(none, gram)
 
 

@@ -19,7 +19,6 @@ from glider.physics.effects.free_functions import (
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
 from glider.sysid.constants import EVIDENCE_THRESHOLD, PRIOR_SCALES
-from glider.sysid.likelihood.candidates import survey
 from glider.sysid.likelihood.fitted_functions import (
     _variables_between,
     flown_values,
@@ -28,6 +27,7 @@ from glider.sysid.likelihood.fitted_functions import (
 from glider.sysid.likelihood.model_fit import fit_model, linear_flight
 from glider.sysid.outcome import model_of
 from glider.sysid.search.moves import Search
+from glider.sysid.search.subsets import survey
 from tests.helpers.tasks import begin, fly, task_of
 
 VENT = FreeFunction(
@@ -82,10 +82,10 @@ def test_functions_of_the_same_variables_have_their_own_gaussians(vent):
     apart = dataclasses.replace(function, centers=function.centers + 0.1)
     record = search.task.records[0]
     functions = [function, wide, apart, function]
-    found = linear_flight(plate, (), record, functions).whole
+    found = linear_flight(plate, (), record, functions).expanded()
     blocks = np.split(found.inputs[..., :-1], len(functions), axis=2)
     for own, block in zip(functions, blocks, strict=True):
-        alone = linear_flight(plate, (), record, [own]).whole
+        alone = linear_flight(plate, (), record, [own]).expanded()
         np.testing.assert_array_equal(block, alone.inputs[..., :-1])
     assert len({block.tobytes() for block in blocks}) == 3
 
@@ -99,6 +99,13 @@ def test_a_vent_is_seen_over_x_and_as_moving_air(vent):
     assert max(others) < found["air along z over x"]
 
 
+def test_beside_errors_of_the_forces_functions_are_seen_too(vent):
+    search, plate = vent
+    forces = dataclasses.replace(plate, has_force_errors=True)
+    found = survey(search.task, forces)
+    assert found.keys() == survey(search.task, plate).keys()
+
+
 def test_where_nothing_is_nothing_is_seen():
     task, noise = task_of(fly(flights=6))
     assert max(survey(task, fit_model(task, begin(task, noise))).values()) < 0.0
@@ -107,7 +114,7 @@ def test_where_nothing_is_nothing_is_seen():
 def test_about_a_model_that_diverges_nothing_is_seen(vent):
     search, model = vent
     lost = dataclasses.replace(model, theta=np.full_like(model.theta, np.nan))
-    assert set(survey(search.task, lost).values()) == {-np.inf}
+    assert survey(search.task, lost) == {}
 
 
 def test_the_function_is_the_vent(vent):

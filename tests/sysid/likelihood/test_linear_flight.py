@@ -88,7 +88,7 @@ def test_columns_of_free_functions_are_derivatives(task, term):
     one = np.ones((len(record.time) - 1, 1))
     flight = linearize(record, theta, NO_GAUSSIANS, terms=[term])
     added = [(FREE_FUNCTIONS[term], one)]
-    wide = dataclasses.replace(flight, added=added).whole
+    wide = dataclasses.replace(flight, added=added).expanded()
     one = FreeFunction(constant=True, weights={term: [small]})
     gaussians = gaussians_of([one])
     column, error = np.moveaxis(whiten(wide, SCALES).innovations, 2, 0)
@@ -111,7 +111,7 @@ def test_columns_of_a_reading_are_derivatives(task, term):
     gaussians, flight = gaussians_of([data]), linearize(record, theta, NO_GAUSSIANS)
     basis = data.basis(record.nodes[:, [variable]])
     added = [(FREE_FUNCTIONS[term], basis)]
-    wide = dataclasses.replace(flight, added=added).whole
+    wide = dataclasses.replace(flight, added=added).expanded()
     column, error = whitened(wide).T
     numeric = (error - whitened(linearize(record, theta, gaussians))[:, 0]) / small
     launch, _ = np.linalg.qr(whitened(of_launch(flight)))

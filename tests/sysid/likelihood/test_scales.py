@@ -44,7 +44,7 @@ def test_no_other_scales_are_more_likely(turbulent):
     """Each scale moved by a tenth, alone."""
     task, model, _ = turbulent
     flights = [f.error_only() for f in linear_flights(task, model, ())]
-    best = fit_scales(flights, model.scales, iterations=20, tolerance=1e-3).scales
+    best, _ = fit_scales(flights, model.scales, iterations=20, tolerance=1e-3)
     cost = negative_log_likelihood(flights, best).sum()
     for k, name in enumerate(NAMES):
         for change in (-0.1, 0.1):
@@ -63,29 +63,17 @@ def test_scales_are_found_from_anywhere_between_their_bounds(turbulent, seed):
     """Where steps of several scales end on bounds, which shifts the others."""
     task, model, _ = turbulent
     flights = [f.error_only() for f in linear_flights(task, model, ())]
-    best = fit_scales(flights, model.scales, iterations=20, tolerance=1e-3).cost
+    _, best = fit_scales(flights, model.scales, iterations=20, tolerance=1e-3)
     share = np.random.default_rng(seed).uniform(size=len(NAMES))
     start = Scales.from_logs(FLOOR.logs + share * (CEILING.logs - FLOOR.logs))
-    assert fit_scales(flights, start, iterations=20).cost < best + 1.0  # [nats]
-
-
-def test_curvature_of_larger_errors_stops_no_fit(turbulent):
-    """It promises nothing of any step."""
-    task, model, _ = turbulent
-    flights = [f.error_only() for f in linear_flights(task, model, ())]
-    start = dataclasses.replace(model.scales, air=8.0 * model.scales.air)
-    best = fit_scales(flights, start, iterations=20)
-    stale = 1e9 * np.eye(len(NAMES))
-    again = fit_scales(flights, start, iterations=20, curvature=stale)
-    assert again.cost == pytest.approx(best.cost, abs=0.5)
-    assert again.scales.air == pytest.approx(best.scales.air, rel=0.05)
+    assert fit_scales(flights, start, iterations=20)[1] < best + 1.0  # [nats]
 
 
 def test_a_scale_that_is_not_free_stays(turbulent):
     task, model, _ = turbulent
     flights = [f.error_only() for f in linear_flights(task, model, ())]
     start = Scales(air=0.4)
-    found = fit_scales(flights, start, ("air",), iterations=3).scales
+    found, _ = fit_scales(flights, start, ("air",), iterations=3)
     assert found.air < 0.35
     expected = dataclasses.replace(start, air=found.air)
     np.testing.assert_allclose(found.logs, expected.logs)
@@ -109,7 +97,7 @@ def test_elevators_rest_at_zero_but_for_their_spread(spread):
     task, noise = task_of(dataclasses.replace(campaign, flights=tuple(flights)))
     model = begin(task, noise)
     flights = [f.error_only() for f in linear_flights(task, model, ())]
-    found = fit_scales(flights, model.scales, ("rest",), iterations=20).scales
+    found, _ = fit_scales(flights, model.scales, ("rest",), iterations=20)
     low, high = (0.5 * spread, 2.0 * spread) if spread else (0.0, 0.1 * noise.elevator)
     assert low < found.rest < high
 
@@ -124,7 +112,7 @@ def test_memory_begins_steady_but_for_its_spread(spread):
     for flight in flights:  # As if the true flights had begun there.
         flight.start[NUM_STATES, -1] += spread * rng.normal()
     free = ("memory", "position", "pitch")
-    found = fit_scales(flights, model.scales, free, iterations=20).scales
+    found, _ = fit_scales(flights, model.scales, free, iterations=20)
     low, high = (0.5 * spread, 2.0 * spread) if spread else (0.0, 0.03)
     assert low < found.memory < high
 

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import LIBRARY
+from glider.progress import silent
 from glider.sysid.constants import HELD_OUT_THRESHOLD
 from glider.sysid.replay.replayed import trimmed
+from glider.sysid.search.moves import Search
 from glider.sysid.search.subsets import _held_out_threshold
 from glider.sysid.search.tracing import _OF_FORCES, trace
 from tests.helpers.lifelike import draw_throws
@@ -32,7 +34,7 @@ def traced(throws, request):
     if request.param == "few":
         few = tuple(kind for kind in task.kinds if kind in FEW)
         task = dataclasses.replace(task, kinds=few)
-    return task, trace(task, noise, lambda text: None), truth
+    return task, trace(Search(task, silent), noise), truth
 
 
 @pytest.mark.nightly
