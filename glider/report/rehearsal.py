@@ -101,7 +101,7 @@ def print_rehearsal(rehearsal: Rehearsal, console: Console) -> None:
 
 
 def confusions(rehearsal: Rehearsal) -> list[str]:
-    """Sentences on what is named instead of an effect, in a percent of cases or more."""
+    """Sentences on what is named instead of an effect, where that is not rare."""
     found = []
     for own in rehearsal.effects:
         shares = own.instead.items()

@@ -172,7 +172,13 @@ class Analysis:
             doubt = wrong[0].rstrip(".") if wrong else None
 
         verdict, reason = judge(
-            traced, tests.gains, evaluated["errors"], effects, evaluated["left"], doubt
+            traced,
+            tests.gains,
+            evaluated["errors"],
+            effects,
+            evaluated["left"],
+            spreads,
+            doubt,
         )
         rows = [s for s in self.inspection.excluded if s.file not in found.outlying]
         for name, why in found.outlying.items():

@@ -27,6 +27,7 @@ from glider.sysid.result import (
     FlightNames,
     FoundEffect,
     Residual,
+    Spread,
 )
 from glider.sysid.search.tracing import SearchResult
 
@@ -148,6 +149,7 @@ def judge(
     errors: _AllErrors,
     effects: Sequence[FoundEffect],
     left: Residual,
+    spreads: Mapping[str, Spread],
     doubt: str | None,
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why.
@@ -182,7 +184,7 @@ def judge(
         if left.exceeds_chance:
             return "unexplained", unexplained
         if doubt is None:
-            return "no_effect", "The flights show nothing beyond noise and moving air."
+            return "no_effect", _nothing_beyond(spreads)
 
     if untrusted is not None:
         return "not_trusted", untrusted
@@ -203,6 +205,16 @@ def judge(
         )
 
     return "effect_found", f"{reason}."
+
+
+def _nothing_beyond(spreads: Mapping[str, Spread]) -> str:
+    """Returns the sentence on flights without an effect, which may differ."""
+    varying = [
+        f"{kind} that differs from flight to flight by {spread.std:.2g} {spread.unit}"
+        for kind, spread in spreads.items()
+    ]
+    *first, last = ["noise", "moving air", *varying]
+    return f"The flights show nothing beyond {', '.join(first)} and {last}."
 
 
 def _about_roll(traced: SearchResult) -> str:

@@ -19,6 +19,7 @@ from glider.sysid.result import (
     PathErrors,
     Residual,
     RolloutErrors,
+    Spread,
 )
 from glider.sysid.verdict import _changes_baseline_alone, judge, too_few_fly
 
@@ -84,6 +85,7 @@ def verdict(
     times_floor=1.5,
     times_along=math.nan,
     left_m=0.05,
+    spreads=None,
     bank=None,
 ):
     """Judges a trace that found kinds, and a free function without a name."""
@@ -113,7 +115,7 @@ def verdict(
         "refitted": errors_with(1.0, 1.0),
         "corrected": errors_with(split, 1.0),
     }
-    return judge(traced, gains, errors, effects, left, doubt)
+    return judge(traced, gains, errors, effects, left, spreads or {}, doubt)
 
 
 def test_thrown_gliders_that_leave_much_are_never_without_effect():
@@ -142,6 +144,17 @@ def test_nothing_found_is_no_effect():
     """However the flights came out."""
     assert verdict()[0] == "no_effect"
     assert verdict(t=-5.0)[0] == "no_effect"
+
+
+def test_no_effect_says_what_differs_from_flight_to_flight():
+    _, reason = verdict()
+    assert reason == "The flights show nothing beyond noise and moving air."
+    _, reason = verdict(
+        spreads={"elevator_trim": Spread(std=0.04, unit="rad", values={})}
+    )
+    assert reason.endswith(
+        "moving air and elevator_trim that differs from flight to flight by 0.04 rad."
+    )
 
 
 def test_a_model_that_diverges_shows_nothing():
@@ -285,7 +298,7 @@ def test_what_only_differs_from_flight_to_flight_names_no_lack():
     left = Residual(position_m=0.05, ratio_to_floor=3.0, depends_on=())
     found = entry("unexplained"), entry("elevator_trim", evidence=math.nan)
     errors = {"refitted": errors_with(1.0, 1.0), "corrected": errors_with(0.9, 0.9)}
-    word, _ = judge(traced, gains_of(), errors, found, left, None)
+    word, _ = judge(traced, gains_of(), errors, found, left, {}, None)
     assert word == "unexplained"
 
 

@@ -14,6 +14,7 @@ log-likelihood are
 where λ and Λ are the precisions of the priors.
 """
 
+import dataclasses
 import re
 from collections.abc import Collection, Iterable
 
@@ -23,7 +24,10 @@ from scipy.special import stdtr
 from glider.sysid.constants import LEAST_SPREAD
 from glider.sysid.fit.folds import LinearFlights
 from glider.sysid.likelihood.candidates import Candidates
+from glider.sysid.likelihood.filtering import flight_values
 from glider.sysid.likelihood.information import Prior, counted_from
+from glider.sysid.likelihood.model_fit import error_flights
+from glider.sysid.likelihood.scales import FLOOR, Scales
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import Change
 from glider.sysid.search.tracing import without_late
@@ -50,12 +54,39 @@ def find_change(
         model: that was fitted to them.
         rng: for permutations of the flights.
     """
+    if len(session.records) < _FEWEST:
+        return None
+    model = dataclasses.replace(
+        model, scales=_scales_from_flight_to_flight(session, model)
+    )
     formulas = without_late(session, model.kinds)
     flights = LinearFlights(formulas.offering(formulas.kinds), model)
     share, prior = flights.candidates.nothing()
     # Flights' values are compared about the model.
     grams = counted_from(flights.grams, -share)
     return change_of(flights.candidates, grams, prior, rng)
+
+
+def _scales_from_flight_to_flight(session: Task, model: FitResult) -> Scales:
+    """Returns the scales, with variations no larger than from one flight to the next.
+
+    Half the mean square of successive differences is the variance of values that are
+    independent. A break or a drift, which a fitted scale takes for a variation, hardly
+    adds to it (von Neumann, Annals of Mathematical Statistics 12, 1941).
+    """
+    scales = model.scales
+    flights = error_flights(session, model)
+    flights.sort(key=lambda flight: by_number(flight.record.name))
+    steps = np.diff(flight_values(flights, scales), axis=0)
+    # A flight on which the model diverges has no values.
+    usual = np.sqrt(0.5 * np.nanmean(steps**2, axis=0))
+    wind_x, wind_z, trim, pitch_zero = np.fmin(usual, scales.of_flights)
+    return dataclasses.replace(
+        scales,
+        wind=max(FLOOR.wind, wind_x, wind_z),
+        trim=max(FLOOR.trim, trim),
+        pitch_zero=max(FLOOR.pitch_zero, pitch_zero),
+    )
 
 
 def change_of(
@@ -78,7 +109,7 @@ def change_of(
     """
     count = len(grams)
     columns = _columns_of(candidates, grams)
-    if count < _FEWEST or not columns:
+    if not columns:
         return None
     beta = [*candidates.always]
     for kind in candidates.model.kinds:

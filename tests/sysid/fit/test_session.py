@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.bench_changes import begin_during_session
 from glider import close_the_loop
 from glider.campaign.logs import Campaign
 from glider.physics.effects import ELEVATOR_TRIM, MASS, EffectKind
@@ -120,6 +121,14 @@ def test_a_lighter_glider_is_traced_alone() -> None:
     aside = [rows.file for rows in result.set_aside]
     assert aside == [f"flight_{i:03d}.csv" for i in range(8)]
     assert result.reason.startswith("At flight_008.csv 'change' of mass changes")
+
+
+@pytest.mark.slow
+def test_a_break_is_no_variation_from_flight_to_flight() -> None:
+    """A fitted variation of trims holds their break, which gusts then outweigh."""
+    planted, found = begin_during_session("elevator_trim", 64)
+    assert planted == "elevator_trim +0.05 at flight_007.csv of 18"
+    assert found.startswith("elevator_trim +0.049") and "at flight_007.csv" in found
 
 
 @pytest.mark.slow
