@@ -11,7 +11,7 @@ from glider.physics.effects import KINDS
 from glider.progress import Step
 from glider.report.wording import say
 from glider.sysid.constants import UNLIKELY
-from glider.sysid.fit import prediction
+from glider.sysid.fit import floor
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import PERFECT
 from tests.campaign.checks.breaking import change, scale
@@ -221,7 +221,7 @@ def test_a_flight_that_no_model_flies_is_in_no_error_and_is_named(monkeypatch, c
     campaign = fly(KINDS["profile_drag"](cd0=0.05), flights=20)
     _, unseen = split_flights(campaign, 0.3, 0)
     names = tuple(flight.name for flight in unseen[:count])
-    own = prediction.predict
+    own = floor.predict
 
     def diverge(model, record):
         flown = own(model, record)
@@ -229,7 +229,7 @@ def test_a_flight_that_no_model_flies_is_in_no_error_and_is_named(monkeypatch, c
             return flown
         return dataclasses.replace(flown, pose=flown.pose * np.inf)
 
-    monkeypatch.setattr(prediction, "predict", diverge)
+    monkeypatch.setattr(floor, "predict", diverge)
     result = close_the_loop(campaign, effects=["profile_drag"])
     assert result.flights.diverged == names
     assert set(result.flights.held_out) == {flight.name for flight in unseen}
