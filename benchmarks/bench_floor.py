@@ -17,7 +17,7 @@ import numpy as np
 
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
-from glider.sysid.fit.floor import Perfect, find_floor
+from glider.sysid.fit.floor import PerfectModel, find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.outcome import spreads_of
@@ -70,7 +70,7 @@ def measure(
     flown = flown_by(task, model, model.scales)
     traced = types.SimpleNamespace(model=model, forces=None)
     truth = without_model_errors(traced, spreads_of(task, model))
-    perfect = Perfect(
+    perfect = PerfectModel(
         truth=truth,
         pitch_ratio=noise.smoothing[2].ratio,
         rng=np.random.default_rng(seed),

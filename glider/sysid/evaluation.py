@@ -12,7 +12,7 @@ from glider.physics.effects.families import FAMILIES
 from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.fit import prediction
-from glider.sysid.fit.floor import Perfect, compare
+from glider.sysid.fit.floor import PerfectModel, compare
 from glider.sysid.fit.folds import HeldOut, hold_out
 from glider.sysid.fit.prediction import flown_by
 from glider.sysid.fit.unlike import predict_unlike
@@ -79,7 +79,7 @@ def evaluate(
         }
 
     noise = prediction.rms(held_out["corrected"].noise)
-    perfect = Perfect(
+    perfect = PerfectModel(
         truth=without_model_errors(traced, spreads),
         pitch_ratio=searched.noise.smoothing[2].ratio,
         rng=rng,

@@ -94,7 +94,7 @@ class Floor:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Perfect:
+class PerfectModel:
     """A perfect model of flights, and the draws of what it leaves on them."""
 
     truth: Scales  #: Of what happens in its flights, but their launches.
@@ -102,7 +102,7 @@ class Perfect:
     rng: np.random.Generator
 
 
-class Compared(NamedTuple):
+class PredictedFlights(NamedTuple):
     """Flights predicted by models that were not fitted to them.
 
     The corrected model is compared with a perfect one too.
@@ -117,11 +117,11 @@ class Compared(NamedTuple):
 def compare(
     models: Mapping[str, RolloutModel],
     records: Sequence[Record],
-    perfect: Perfect,
+    perfect: PerfectModel,
     equation: Mapping[str, EquationErrors],
     more: Sequence[Record] = (),
     depends_on: tuple[str, ...] = (),
-) -> Compared:
+) -> PredictedFlights:
     """Predicts flights by models, and compares the corrected with a perfect one.
 
     Args:
@@ -162,11 +162,11 @@ def compare(
         chance=floor.chance(paths),
         depends_on=depends_on,
     )
-    return Compared(flown, errors, residual, counted)
+    return PredictedFlights(flown, errors, residual, counted)
 
 
 def find_floor(
-    model: RolloutModel, records: Sequence[Record], perfect: Perfect
+    model: RolloutModel, records: Sequence[Record], perfect: PerfectModel
 ) -> Floor:
     """Draws replicas of flights and predicts them by a model, taken as perfect."""
     rngs = perfect.rng.spawn(len(records))
@@ -211,7 +211,7 @@ def _flown(
 
 @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
 def _squares(
-    model: RolloutModel, perfect: Perfect, record: Record, rng: np.random.Generator
+    model: RolloutModel, perfect: PerfectModel, record: Record, rng: np.random.Generator
 ) -> np.ndarray:
     """Mean squares of a flight's replicas (4, R), as in `Floor`; inf if it diverges."""
     truth = perfect.truth

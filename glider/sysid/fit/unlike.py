@@ -12,7 +12,7 @@ import numpy as np
 
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.sysid.constants import FOLDS
-from glider.sysid.fit.floor import Perfect, compare
+from glider.sysid.fit.floor import PerfectModel, compare
 from glider.sysid.fit.prediction import flown_by
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import (
@@ -74,7 +74,7 @@ def predict_unlike(
     models: Mapping[str, FitResult],
     forces: FitResult | None,
     table: ResidualTable,
-    perfect: Perfect,
+    perfect: PerfectModel,
 ) -> UnlikeFlights | None:
     """Predicts the most unlike of a task's flights; None where there are too few.
 

@@ -10,7 +10,7 @@ from glider.physics.state import NUM_STATES
 from glider.sysid.constants import UNLIKELY
 from glider.sysid.evaluation import without_model_errors
 from glider.sysid.fit import floor as floors
-from glider.sysid.fit.floor import Perfect, find_floor
+from glider.sysid.fit.floor import PerfectModel, find_floor
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.likelihood.linear_flight import linearize
 from glider.sysid.likelihood.scales import FLOOR
@@ -37,7 +37,7 @@ def scales_of(truth):
 
 def perfect_of(scales, noise):
     ratio = noise.smoothing[2].ratio
-    return Perfect(truth=scales, pitch_ratio=ratio, rng=np.random.default_rng(0))
+    return PerfectModel(truth=scales, pitch_ratio=ratio, rng=np.random.default_rng(0))
 
 
 def floor_and_errors(campaign, truth, effect=None):

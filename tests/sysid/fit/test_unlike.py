@@ -7,7 +7,7 @@ import pytest
 
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.fit.floor import Perfect
+from glider.sysid.fit.floor import PerfectModel
 from glider.sysid.fit.prediction import flown_by, mean_squares, predict
 from glider.sysid.fit.unlike import find_unlike, predict_unlike
 from glider.sysid.likelihood.model_fit import fit_model
@@ -85,7 +85,7 @@ def unlike_of(task, model):
     table = make_table(task.records, model.theta, [0.0] * count, model.gaussians)
     truth = model.scales.without_floors
     rng = np.random.default_rng(0)
-    perfect = Perfect(truth=truth, pitch_ratio=1e-4, rng=rng)
+    perfect = PerfectModel(truth=truth, pitch_ratio=1e-4, rng=rng)
     return predict_unlike(task, {"corrected": model}, None, table, perfect)
 
 
