@@ -78,8 +78,20 @@ class Search:
         return self.fitted[key]
 
     def fit_without(self, model: FitResult, kind: str) -> FitResult:
-        """Fits a model without one of its effects."""
-        return self.fit(model.without(self.task, kind))
+        """Fits a model without one of its effects.
+
+        A set that was fitted before is fitted again from this model if it lacks little:
+        it may have ended at a worse minimum, which the effect has only led out of.
+        """
+        rest = model.without(self.task, kind)
+        known = self.fitted.get(frozenset(rest.kinds))
+        found = self.fit(rest)
+        if found is known and found.cost < model.cost + CLEAR:
+            again = fit_model(self.task, rest, with_strength=True)
+            if again.cost + again.freedom < found.cost + found.freedom:
+                self.fitted[frozenset(rest.kinds)] = found = again
+
+        return found
 
     def near(self, model: FitResult) -> Scorer | None:
         """Compares sets about a model; None where the model diverges.

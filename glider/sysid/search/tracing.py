@@ -221,11 +221,12 @@ def _explaining(
         start = dataclasses.replace(start, scales=model.scales)
         return fit_model(search.task, start, free_scales=(), with_strength=True)
 
-    rest = fit(model.without(search.task, function))
-    near = search.near(rest)
+    near = search.near(model)
     if near is None:
         return None
-    members = near.by_first(rest.kinds)
+    others = [kind for kind in model.kinds if kind != function]
+    members = near.by_first(others)
+    rest = fit(near.begin(members))
     fits = {}
     for kind in formulas_at(function):
         options = near.among({kind}).larger(members)
