@@ -76,15 +76,14 @@ class Subject:
         accepted: names that are right, whichever of them is given.
         play: of the hinge, half a gap that the log of the angle does not show [rad].
         distort: changes poses (n, F, 3) as the cameras do.
-        launches, commands: change launches (4, F) and commands (H, F); of the traced
-            flights and the fresh ones, not of the others.
+        commands: changes commands (H, F) of the traced flights and the fresh ones, not
+            of the others.
     """
 
     glider: Glider = dataclasses.field(default_factory=Glider)
     accepted: frozenset[str] = frozenset()
     play: float = 0.0
     distort: Callable[[np.ndarray], np.ndarray] = lambda poses: poses
-    launches: Callable[[np.ndarray], np.ndarray] = lambda start: start
     commands: Callable[[np.ndarray], np.ndarray] = lambda rates: rates
 
     def accept(self, *kinds: str) -> None:
@@ -450,10 +449,10 @@ def ask(kind: str, seed: int) -> str:
     subject = Subject()
     KINDS[kind](rng, subject)
     count, moves = int(rng.integers(14, 25)), seed % 3 == 2
-    start = subject.launches(draw_starts(rng, count))
+    start = draw_starts(rng, count)
     commands = subject.commands(draw_commands(rng, count))
     like = (
-        subject.launches(draw_starts(rng, FRESH)),
+        draw_starts(rng, FRESH),
         subject.commands(draw_commands(rng, FRESH))
         if kind != "one_profile"
         else commands[:, :FRESH],

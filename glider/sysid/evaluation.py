@@ -58,9 +58,9 @@ def evaluate(
 
     models = {n: flown_by(task, m, corrected.scales) for n, m in fitted.items()}
     others = {"refitted": baseline}
-    judged = corrected
+    tested = corrected
     if traced.forces is not None:
-        judged = forces_alone(task, corrected, traced.forces)
+        tested = forces_alone(task, corrected, traced.forces)
         others["refitted"] = forces_alone(task, baseline, traced.forces)
     elif task.vehicle.is_known:
         others["nominal"] = traced.bare
@@ -68,7 +68,7 @@ def evaluate(
     if not corrected.kinds:  # Nothing was added that could gain.
         others = {}
     offered = searched.everything.offering(traced.near)
-    tests = hold_out(offered, judged, others, rng)
+    tests = hold_out(offered, tested, others, rng)
 
     records = searched.everything.records
     unseen = [record for record in records if record not in task.records]

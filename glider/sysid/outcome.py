@@ -227,17 +227,18 @@ def _find_peak(
 ) -> dict[str, Estimate]:
     """The largest value of a free function's term along the flights, and where it is.
 
-    The largest is that whose band ends farthest from zero: where few flights come the
-    function is not known. The standard error of a peak's height is, to first order,
-    that of the function at its place.
+    The largest is that whose band is farthest from zero, if one excludes it: where few
+    flights come the function is not known. The standard error of a peak's height is, to
+    first order, that of the function at its place.
     """
     function = model.by_name[name]
     points = flown_values(task.records, model.theta)[:, function.columns]
     rows = function.gaussians(points) @ function.mix
     values = rows @ function.coordinates
     covariance, _ = known.of(known.places[name])
-    stds = np.sqrt(np.sum(rows @ covariance * rows, axis=1))
-    peak = int(np.argmax(np.abs(values) - BAND * stds))
+    stds = np.sqrt(np.maximum(np.sum(rows @ covariance * rows, axis=1), 0.0))
+    sure = np.nan_to_num(np.abs(values) - BAND * stds)
+    peak = int(np.argmax(sure if np.max(sure) > 0.0 else np.abs(values)))
     std = float(stds[peak])
     term = function.effect.kind
     [value] = function.effect.coefficients

@@ -110,7 +110,7 @@ class RollSearch:
 
     @functools.cached_property
     def _usual(self) -> list[Task]:
-        """Those of `_probed` of the usual fin, beside all models."""
+        """Those of `_probed` of the usual fin, kept: they depend on no model."""
         return self._probed(_FINS[0])
 
     def _probed(self, fin: float) -> list[Task]:
@@ -277,7 +277,7 @@ def _fly_aside(
         turn[1, :2] = sin, cos
         up = turn @ normal[k]
         wing = turn @ left[k]
-        # The force in the plane is the lift's share of it.
+        # Of the lift this share shows in the plane of x and z.
         share = max(up[0] ** 2 + up[2] ** 2, _LEAST_IN_PLANE)
         lift = force[k] @ up / share
         slip = velocity[k] @ wing

@@ -16,9 +16,11 @@ from glider.physics.effects import (
     WIND,
 )
 from glider.sysid.fit.folds import HeldOut
+from glider.sysid.likelihood.filtering import PER_FLIGHT
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.outcome import (
+    SPREAD_KINDS,
     _rivals_of,
     covariance_of,
     effects_of,
@@ -81,6 +83,10 @@ def test_an_effect_whose_size_may_be_zero_has_no_name(plain, kind, errors):
     assert kind.words in effect.words
 
 
+def test_all_constants_of_flights_may_be_reported_as_variations():
+    assert PER_FLIGHT.keys() == SPREAD_KINDS.keys()
+
+
 # ------------------------------------------------------------------------ functions
 
 
@@ -140,6 +146,10 @@ def test_a_peak_is_on_the_flights_where_it_is_surely_large(plain):
     [row] = function.gaussians(np.array([[place]])) @ function.mix
     unsure = equal + 100.0 * np.outer(row, row) / (row @ row)
     other = peak_of(task, model, unsure).coefficients
+    # A model that diverges on a flight has no covariance.
+    unknown = peak_of(task, model, np.full_like(equal, np.nan)).coefficients
+    assert unknown["wind_x_peak"].value == peak["wind_x_peak"].value
+    assert np.isnan(unknown["wind_x_peak"].std)
     assert abs(other["wind_x_peak_at_x"].value - place) > 0.1
     assert other["wind_x_peak"].std < 0.5 * abs(other["wind_x_peak"].value)
 

@@ -9,6 +9,7 @@ SPAN = 0.1
 """Duration that a cubic is fitted over [s]: at 120 Hz and 0.4 mm of noise it leaves
 0.3 m/s² in an acceleration."""
 
+FEWEST_ROWS = 7  # Of a cubic.
 PUSH = 6.0
 """Force per mass along the path that only a hand exerts [m/s²]; wind, drag and a thrust
 of half the weight stay below."""
@@ -51,17 +52,22 @@ class Motion(NamedTuple):
         return Motion(self.time, *(values * signs for values in self[1:]))
 
 
+def half_window(time: np.ndarray) -> int:
+    """Returns how many rows a cubic has on either side of its own, of times (n,)."""
+    step = float(np.median(np.diff(time)))
+    return min(max(round(SPAN / step / 2), 3), (len(time) - 1) // 2)
+
+
 def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motion:
     """Fits a cubic about every `stride`-th row, except where many rows are missing.
 
     Times are (n,) [s], poses (n, 3): x, z [m], pitch [rad], or any other columns.
     """
-    if len(time) < 7:
+    if len(time) < FEWEST_ROWS:
         none = np.empty((0, 3))
         return Motion(np.empty(0), none, none, none)
-    step = float(np.median(np.diff(time)))
-    half = min(max(round(SPAN / step / 2), 3), (len(time) - 1) // 2)
-    scale = half * step
+    half = half_window(time)
+    scale = half * float(np.median(np.diff(time)))
     rows = np.arange(half, len(time) - half, stride)
     duration = time[rows + half] - time[rows - half]
     rows = rows[duration < _LONGEST * 2 * scale]
@@ -84,7 +90,10 @@ def calc_motion(time: np.ndarray, pose: np.ndarray, *, stride: int = 1) -> Motio
 
 
 class Drive(NamedTuple):
-    """What drives a body, at n rows; those without a cubic have that of the next."""
+    """What drives a body, at n rows.
+
+    It is interpolated between the rows that have a cubic, and constant beyond them.
+    """
 
     time: np.ndarray  #: (n,) [s]
     speed: np.ndarray  #: (n,) [m/s]

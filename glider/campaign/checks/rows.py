@@ -19,10 +19,11 @@ from glider.campaign.checks.masks import (
     stretches,
 )
 from glider.campaign.checks.motion import (
+    FEWEST_ROWS,
     PUSH,
-    SPAN,
     calc_drive,
     calc_motion,
+    half_window,
     robust_std,
 )
 from glider.campaign.checks.planarity import body_axes
@@ -320,13 +321,14 @@ def find_hand(flight: Flight, usable: np.ndarray, gravity: float) -> np.ndarray:
     along the path is compared with that of the flight's second half.
     """
     none = np.zeros(len(usable), dtype=bool)
-    if not usable.any():
+    own = flight.time[usable]
+    if len(own) < FEWEST_ROWS:
         return none
-    drive = calc_drive(flight.time[usable], flight.pose[usable, :2], gravity)
+    drive = calc_drive(own, flight.pose[usable, :2], gravity)
     usual = max(float(np.median(drive.push[len(drive.push) // 2 :])), 0.0)
     free = int(np.argmax(drive.push - usual <= PUSH))
     # First held, then free: 0 is also what `argmax` says of a glider held throughout.
     if free == 0 or drive.speed[free] < _HAND_GAIN * max(drive.speed[0], 1e-3):
         return none
     # The cubics see the hand until their windows are past it.
-    return flight.time <= drive.time[free] + 0.5 * SPAN
+    return flight.time <= own[min(free + half_window(own), len(own) - 1)]

@@ -37,7 +37,7 @@ _FOLLOWS = 0.4
 for a servo without lag, 0.89 and 0.75 with lags of 0.1 and 0.3 s; 0.24 at most for
 commands of another flight (20 campaigns, the best of all delays)."""
 _MOVES = 0.03  # Least travel of an elevator that moves in any flight [rad].
-_MIN_CHANGES = 15  # Least number of changes that show a correlation, or a gain.
+_MIN_CHANGES = 15  # Least number of changes that show a correlation.
 
 
 class CommandTape(NamedTuple):

@@ -1,7 +1,8 @@
 """Forms of servos, fitted to measured elevators.
 
 Each is judged by the likelihood of the angles, whatever smooth curve they have beside
-it (`departures`), less what its freedom costs.
+it (`departures`), less what its freedom costs. The travel of an elevator, over that of
+its commands, is one of them.
 """
 
 import dataclasses
@@ -314,7 +315,7 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     """
     if not elevators:
         return ()
-    gain, error = _calc_travel(elevators, campaign.limits)
+    gain, error = _calc_travel(elevators, campaign.limits, campaign.servo.command_std)
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
         "of 'elevator' and its command ('units:', or the servo's gearing as a gain)"
@@ -324,7 +325,9 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
 
 
 def _calc_travel(
-    elevators: Sequence[Elevator], limits: Servo = NO_LIMITS
+    elevators: Sequence[Elevator],
+    limits: Servo = NO_LIMITS,
+    command_std: float = CLOCK_STD,
 ) -> tuple[float, float]:
     """Measured over commanded travel without its sign, and its standard error.
 
@@ -340,7 +343,7 @@ def _calc_travel(
     _, delay = calc_correlation(few)
     late = min(max(0.0, delay), _LONGEST[0])  # Not nan.
     free, *excuses = (
-        fit_servo(few, LateServo(*own, late), CLOCK_STD, ("gain",))
+        fit_servo(few, LateServo(*own, late), command_std, ("gain",))
         for own in (NO_LIMITS, limits, _reached(few))
     )
     off = abs(abs(free.servo.gain) - 1.0)

@@ -87,7 +87,7 @@ def _find_parts(drive: Drive) -> list[tuple[int, int]]:
     time = drive.time
     moves = drive.speed > _SLOWEST
     gaps = (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
-    breaks = [gap for gap in gaps if not _flies_on(drive, gap)]
+    breaks = [gap for gap in gaps if not _flies_on(drive, gap, gaps)]
     parts = []
     for block in np.split(np.arange(len(time)), breaks):
         if len(block) >= _MIN_ROWS:
@@ -97,15 +97,17 @@ def _find_parts(drive: Drive) -> list[tuple[int, int]]:
     return parts
 
 
-def _flies_on(drive: Drive, gap: int) -> bool:
+def _flies_on(drive: Drive, gap: int, gaps: list[int]) -> bool:
     """Whether the body flies before and after a gap, which ends at a row, and between.
 
     A hand that caught and threw it again took as long as a throw; one that threw it
-    gave it energy, as in `_find_release`. A moment at an end of the log shows nothing.
+    gave it energy, as in `_find_release`. A moment at an end of the log, or between two
+    of its gaps, shows nothing.
     """
     time, speed, way, energy, _ = drive.take(slice(gap - 1, gap + 1))
     gained = energy[1] - energy[0]
-    first, last = drive.time[[0, -1]]
+    first = drive.time[max((row for row in gaps if row < gap), default=0)]
+    last = drive.time[min((row for row in gaps if row > gap), default=0) - 1]
     is_short = time[1] - time[0] <= _THROW
     is_shown = min(time[0] - first, last - time[1]) > SPAN
     flies = min(speed) > _SLOWEST and gained <= 0.5 * PUSH * (way[1] - way[0])

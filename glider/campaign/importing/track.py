@@ -24,7 +24,7 @@ from glider.campaign.importing.recording import (
     scale_of,
     spell,
 )
-from glider.campaign.importing.splitting import FEWEST_ROWS
+from glider.campaign.importing.splitting import FEWEST_ROWS, find_restarts
 from glider.campaign.settings import (
     EULER,
     QUANTITIES,
@@ -387,8 +387,9 @@ class _Picker:
         before = np.maximum.accumulate(np.r_[-np.inf, time])[:-1]
         ahead = time > before
         late = int(np.sum(~ahead))
-        if late > 0.1 * len(ahead):
-            row = int(np.argmin(ahead))
+        starts = find_restarts(time)
+        if starts or late > 0.1 * len(ahead):
+            row = starts[0] if starts else int(np.argmin(ahead))
             raise self._error(
                 "time",
                 f"it does not increase at value {row + 1} ({time[row]:.9g} s); "

@@ -126,6 +126,7 @@ class LinearFlights:
         distribution: what the other flights leave unknown of the coefficients counts
         with the noise, so that a flight beyond their range is not held against a model
         that does not know it. That is what the flight adds to the others' evidence.
+        Coefficients have no bounds here.
         """
         costs = np.empty(len(self.grams))
         for part, some in zip(parts, columns, strict=True):

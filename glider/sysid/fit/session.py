@@ -72,7 +72,8 @@ def _scales_from_flight_to_flight(session: Task, model: FitResult) -> Scales:
 
     Half the mean square of successive differences is the variance of values that are
     independent. A break or a drift, which a fitted scale takes for a variation, hardly
-    adds to it (von Neumann, Annals of Mathematical Statistics 12, 1941).
+    adds to it (von Neumann, Annals of Mathematical Statistics 12, 1941). Values that
+    flights hardly show are drawn towards zero: their scale comes out too small.
     """
     scales = model.scales
     flights = error_flights(session, model)

@@ -56,7 +56,6 @@ class FittedFunction:
     variables: tuple[str, ...]  #: d of FLOW_VARIABLES.
     centers: np.ndarray  #: (M, d)
     widths: np.ndarray  #: (M, d)
-    flown: np.ndarray  #: (2, d) least and largest values of the variables in flight.
     mix: np.ndarray  #: (M, q) weights of coordinates, the most shown ones first.
     leading: int  #: Number of coordinates by which it is compared with others.
     coordinates: np.ndarray  #: (q,) zero unless it acts in a model.
@@ -142,7 +141,6 @@ def functions_of(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...
                     variables=tuple(own.variables),
                     centers=centers,
                     widths=np.column_stack(widths),
-                    flown=np.stack([centers.min(axis=0), centers.max(axis=0)]),
                     mix=np.reshape(weights, (-1, 1)),
                     leading=1,
                     coordinates=np.ones(1),
@@ -228,7 +226,6 @@ def _make_function(
         variables=family.variables,
         centers=centers,
         widths=widths,
-        flown=range_,
         mix=value.scale * basis,
         leading=int(np.count_nonzero(spreads > LEADING)),
         coordinates=np.zeros(basis.shape[1]),

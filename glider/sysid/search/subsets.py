@@ -199,7 +199,7 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
 def survey(task: Task, model: FitResult) -> dict[str, float]:
     """Returns the evidence of each function beside a model without it [nats].
 
-    On a few flights; of none where the model diverges.
+    On a few flights. Empty where the model diverges.
     """
     few = dataclasses.replace(task.thinned(constants.FEW_FLIGHTS), kinds=())
     candidates = gather(few, model)

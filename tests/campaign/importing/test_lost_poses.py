@@ -86,6 +86,17 @@ def test_a_moment_after_a_dropout_is_no_flight(tmp_path, campaign):
     assert max(ends) < min(table[70, 0] for table in logs)
 
 
+def test_a_moment_between_two_dropouts_joins_no_flights(tmp_path, campaign):
+    """Six rows do not show that the glider flies on from one to the other."""
+    logs = [
+        np.concatenate([table[:40], table[56:62], table[78:]])
+        for table in tables(campaign)
+    ]
+    found = read_flights(*write(tmp_path, logs))
+    ends = [f.span[1] for r in found.recordings for f in r.flights]
+    assert max(ends) < min(table[40, 0] for table in logs)
+
+
 @pytest.mark.parametrize("other", [[0, 0, 0, 0], [0, 0, 0, 1]])
 def test_rows_of_zeros_are_not_seen(tmp_path, campaign, other):
     logs = tables(campaign)
