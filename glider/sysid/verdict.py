@@ -208,9 +208,9 @@ def judge(
 
 
 def _nothing_beyond(spreads: Mapping[str, Spread]) -> str:
-    """Returns the sentence on flights without an effect, which may differ."""
+    """Returns the sentence on flights without an effect, which may vary."""
     varying = [
-        f"{kind} that differs from flight to flight by {spread.std:.2g} {spread.unit}"
+        f"a flight-to-flight variation of {kind} ({spread.std:.2g} {spread.unit})"
         for kind, spread in spreads.items()
     ]
     *first, last = ["noise", "moving air", *varying]

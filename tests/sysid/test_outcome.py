@@ -16,11 +16,9 @@ from glider.physics.effects import (
     WIND,
 )
 from glider.sysid.fit.folds import HeldOut
-from glider.sysid.likelihood.filtering import PER_FLIGHT
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.outcome import (
-    SPREAD_KINDS,
     _rivals_of,
     covariance_of,
     effects_of,
@@ -81,10 +79,6 @@ def test_an_effect_whose_size_may_be_zero_has_no_name(plain, kind, errors):
     (effect,) = effects_of(task, traced, NO_FOLDS, known, {}, Signs())
     assert effect.kind == (kind.kind if errors > 2.0 else UNEXPLAINED)
     assert kind.words in effect.words
-
-
-def test_all_constants_of_flights_may_be_reported_as_variations():
-    assert PER_FLIGHT.keys() == SPREAD_KINDS.keys()
 
 
 # ------------------------------------------------------------------------ functions

@@ -146,14 +146,14 @@ def test_nothing_found_is_no_effect():
     assert verdict(t=-5.0)[0] == "no_effect"
 
 
-def test_no_effect_says_what_differs_from_flight_to_flight():
+def test_no_effect_says_what_varies_from_flight_to_flight():
     _, reason = verdict()
     assert reason == "The flights show nothing beyond noise and moving air."
     _, reason = verdict(
         spreads={"elevator_trim": Spread(std=0.04, unit="rad", values={})}
     )
     assert reason.endswith(
-        "moving air and elevator_trim that differs from flight to flight by 0.04 rad."
+        "moving air and a flight-to-flight variation of elevator_trim (0.04 rad)."
     )
 
 

@@ -1,5 +1,6 @@
 """Flights filtered and smoothed: their likelihood, and what they say of themselves."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,6 +16,7 @@ from glider.compiled.filter_error import (
 )
 from glider.compiled.parallel import in_parallel
 from glider.compiled.replay import OFFSET
+from glider.physics.effects import LIBRARY
 from glider.physics.state import NUM_STATES
 from glider.sysid.constants import LAUNCH_SPREAD, Z
 from glider.sysid.likelihood.linear_flight import LinearFlight, Surroundings
@@ -154,7 +156,12 @@ def excludes(scales: Scales, about: Surroundings) -> bool:
     return bool(is_far.any()) or bool(np.abs(about.gusts).max() > most * scales.air)
 
 
-PER_FLIGHT = {"wind": [0, 1], "elevator_trim": [2], "pitch_offset": [3]}
+_COLUMNS = itertools.count()
+PER_FLIGHT = {
+    kind.kind: [next(_COLUMNS) for _ in kind.coefficients]
+    for kind in LIBRARY
+    if kind.varies_by
+}
 """Effects that may vary from flight to flight, and their columns of `flight_values`."""
 
 
