@@ -31,6 +31,7 @@ from typing import NamedTuple
 import joblib
 import numpy as np
 
+from benchmarks.bench_forms import with_play
 from benchmarks.hidden import ROWS, campaign
 from glider.campaign.logs import Campaign, Flight
 from glider.errors import InputError
@@ -53,6 +54,7 @@ from tests.helpers.lifelike_flight import (
     Glider,
     Lag,
     Motion,
+    Number,
     Servo,
     elevator_paths,
     fly,
@@ -78,6 +80,7 @@ class Subject:
         distort: changes poses (n, F, 3) as the cameras do.
         commands: changes commands (H, F) of the traced flights and the fresh ones, not
             of the others.
+        in_session: the glider as it is in so many traced flights.
     """
 
     glider: Glider = dataclasses.field(default_factory=Glider)
@@ -85,6 +88,7 @@ class Subject:
     play: float = 0.0
     distort: Callable[[np.ndarray], np.ndarray] = lambda poses: poses
     commands: Callable[[np.ndarray], np.ndarray] = lambda rates: rates
+    in_session: Callable[[Glider, int], Glider] = lambda glider, count: glider
 
     def accept(self, *kinds: str) -> None:
         """Adds right names."""
@@ -101,18 +105,35 @@ def _lift_to_stall(f: Flow, slope: float, stall: float) -> np.ndarray:
     return slope * np.sin(f.alpha) / (1.0 + np.exp(beyond))
 
 
-def _tail_angle(f: Flow) -> np.ndarray:
-    """Angle of attack of the tail, without what turning adds [rad]."""
-    return f.alpha + f.elevator
+def _add_state(glider: Glider, lag: Lag) -> Callable[[Flow], np.ndarray]:
+    """Gives a glider one more state, and returns its value in a flow."""
+    index = len(glider.lags)
+    glider.lags.append(lag)
+    return lambda f: f.lags[index]
 
 
-def _first_order(wanted: Callable[[Flow], np.ndarray], time_constant: float) -> Lag:
-    """A state that follows what is wanted."""
+def _bend(
+    glider: Glider, compliance: float, force: Callable[[Flow], np.ndarray], late: float
+) -> Callable[[Flow], np.ndarray]:
+    """Returns the angle off a load that follows a force to first order [rad].
 
-    def rate(f: Flow, state: np.ndarray) -> np.ndarray:
-        return (wanted(f) - state) / time_constant
+    Args:
+        glider: what bends.
+        compliance: [rad/N]
+        force: [N]
+        late: time constant [s].
+    """
 
-    return Lag(rate=rate, rest=wanted)
+    def wanted(f: Flow) -> np.ndarray:
+        return -compliance * force(f)
+
+    lag = Lag(rate=lambda f, state: (wanted(f) - state) / late, rest=wanted)
+    return _add_state(glider, lag)
+
+
+def _plate_force(area: Number, angle: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """Force on a flat plate along its normal [N]."""
+    return 0.5 * Glider().air_density * area * speed**2 * 2.0 * np.sin(angle)
 
 
 def nothing(rng: np.random.Generator, subject: Subject) -> None:
@@ -136,10 +157,9 @@ def latched_stall(rng: np.random.Generator, subject: Subject) -> None:
         end = np.where(angle > up, 0.0, np.where(angle < down, 1.0, np.round(state)))
         return (end - state) / delay
 
-    glider = subject.glider
-    index = len(glider.lags)
-    glider.lags.append(Lag(rate=follow, rest=lambda f: 1.0 * (np.abs(f.alpha) < up)))
-    glider.normal.append(lambda f: slope * np.sin(f.alpha) * f.lags[index])
+    lag = Lag(rate=follow, rest=lambda f: 1.0 * (np.abs(f.alpha) < up))
+    attached = _add_state(subject.glider, lag)
+    subject.glider.normal.append(lambda f: slope * np.sin(f.alpha) * attached(f))
     subject.accept("attached_lift", "dynamic_stall", "lagged_separation")
 
 
@@ -147,14 +167,12 @@ def tail_boom(rng: np.random.Generator, subject: Subject) -> None:
     """A boom that bends under the load of the tail, late."""
     bend, late = rng.uniform(0.1, 0.35), rng.uniform(0.01, 0.03)
     glider = subject.glider
-    area = 0.5 * Glider().air_density * Glider().elevator_area
-    index = len(glider.lags)
-    glider.lags.append(
-        _first_order(
-            lambda f: -bend * area * f.speed**2 * 2.0 * np.sin(_tail_angle(f)), late
-        )
-    )
-    glider.downwash.append(lambda f: -f.speed * f.lags[index])
+
+    def force(f: Flow) -> np.ndarray:
+        return _plate_force(Glider().elevator_area, f.alpha + f.elevator, f.speed)
+
+    angle = _bend(glider, bend, force, late)
+    glider.downwash.append(lambda f: -f.speed * angle(f))
     subject.accept("elevator_area", "elevator_blowback", "tail_wake", "downwash")
     subject.accept("stalled_downwash", "lagged_downwash", "pitch_damping")
 
@@ -163,14 +181,12 @@ def wing_twist(rng: np.random.Generator, subject: Subject) -> None:
     """A wing that twists off its load."""
     twist, late = rng.uniform(0.02, 0.05), rng.uniform(0.012, 0.03)
     glider = subject.glider
-    area = 0.5 * Glider().air_density * Glider().wing_area
-    index = len(glider.lags)
-    glider.lags.append(
-        _first_order(lambda f: -twist * area * f.speed**2 * 2.0 * np.sin(f.alpha), late)
-    )
-    glider.normal.append(
-        lambda f: 2.0 * (np.sin(f.alpha + f.lags[index]) - np.sin(f.alpha))
-    )
+
+    def force(f: Flow) -> np.ndarray:
+        return _plate_force(Glider().wing_area, f.alpha, f.speed)
+
+    angle = _bend(glider, twist, force, late)
+    glider.normal.append(lambda f: 2.0 * (np.sin(f.alpha + angle(f)) - np.sin(f.alpha)))
     subject.accept("airspeed_dependence", "attached_lift")
     subject.accept("pitch_rate_lift", "dynamic_stall", "lagged_separation")
 
@@ -240,19 +256,25 @@ def table(rng: np.random.Generator, subject: Subject) -> None:
 def propeller(rng: np.random.Generator, subject: Subject) -> None:
     """A propeller that brakes less the faster it spins."""
     size, late = rng.uniform(0.05, 0.12), rng.uniform(0.15, 0.3)
-    glider = subject.glider
-    index = len(glider.lags)
-    glider.lags.append(
-        Lag(rate=lambda f, s: (f.speed / 7.0 - s) / late, rest=lambda f: 0.0 * f.speed)
+    lag = Lag(
+        rate=lambda f, spin: (f.speed / 7.0 - spin) / late, rest=lambda f: 0.0 * f.speed
     )
-    glider.axial.append(lambda f: size * (1.0 - 0.7 * f.lags[index]))
+    spin = _add_state(subject.glider, lag)
+    subject.glider.axial.append(lambda f: size * (1.0 - 0.7 * spin(f)))
     subject.accept("axial_drag", "profile_drag", "thrust")
 
 
 def dense_air(rng: np.random.Generator, subject: Subject) -> None:
     """Air whose density drifts over the session: of traced flights alone."""
     drift = rng.uniform(0.03, 0.06) * rng.choice([-1.0, 1.0])
-    subject.glider.air_density = 1.204 * (1.0 + drift)
+    usual = Glider().air_density
+    subject.glider.air_density = usual * (1.0 + drift)
+
+    def drifts(glider: Glider, count: int) -> Glider:
+        densities = usual * (1.0 + np.linspace(-drift, drift, count))
+        return dataclasses.replace(glider, air_density=densities)
+
+    subject.in_session = drifts
     subject.accept("mass")
 
 
@@ -288,7 +310,8 @@ def one_profile(rng: np.random.Generator, subject: Subject) -> None:
     damping, wash = rng.uniform(0.003, 0.008), rng.uniform(0.1, 0.3)
     subject.glider.moment.append(lambda f: -damping * f.pitchdot / f.speed)
     subject.glider.downwash.append(lambda f: wash * f.speed * np.sin(f.alpha))
-    subject.commands = lambda rates: np.broadcast_to(rates[:, :1], rates.shape)
+    one = draw_commands(rng, 1)
+    subject.commands = lambda rates: np.broadcast_to(one, rates.shape)
     subject.accept("pitch_damping", "downwash", "stalled_downwash")
 
 
@@ -296,7 +319,7 @@ def cancelling_forces(rng: np.random.Generator, subject: Subject) -> None:
     """A thrust and the drag that cancels it at the speed of launch."""
     thrust = rng.uniform(0.1, 0.25)
     subject.glider.thrust = thrust
-    pressure_area = 0.5 * 1.204 * 7.0**2 * Glider().wing_area
+    pressure_area = 0.5 * Glider().air_density * 7.0**2 * Glider().wing_area
     subject.glider.axial.append(lambda f: thrust / pressure_area)
     subject.accept("thrust", "axial_drag", "profile_drag")
 
@@ -402,9 +425,7 @@ def fly_and_log(
         2 * every * (ROWS - 1),
         glider.elevator_limits,
     )
-    path = asked.copy()
-    for k in range(1, len(path)):
-        path[k] = np.clip(path[k - 1], asked[k] - subject.play, asked[k] + subject.play)
+    path = with_play(asked, subject.play)
     air = gusts(rng, *AIR, path.shape) if moves else None
     motion = fly(glider, start, path, air)
     poses = subject.distort(shown_pose(glider, motion)[::every])
@@ -451,25 +472,17 @@ def ask(kind: str, seed: int) -> str:
     count, moves = int(rng.integers(14, 25)), seed % 3 == 2
     start = draw_starts(rng, count)
     commands = subject.commands(draw_commands(rng, count))
-    like = (
-        draw_starts(rng, FRESH),
-        subject.commands(draw_commands(rng, FRESH))
-        if kind != "one_profile"
-        else commands[:, :FRESH],
-    )
+    like = draw_starts(rng, FRESH), subject.commands(draw_commands(rng, FRESH))
     other = other_launches(rng, start), other_commands(rng, FRESH)
-    if kind == "dense_air":
-        density = subject.glider.air_density
-        subject.glider.air_density = np.linspace(2.408 - density, density, count)
-        traced = campaign(list(fly_and_log(rng, subject, start, commands, moves)[0]))
-        subject.glider.air_density = density
-    else:
-        traced = campaign(list(fly_and_log(rng, subject, start, commands, moves)[0]))
+    session = subject.in_session(subject.glider, count)
+    in_session = dataclasses.replace(subject, glider=session)
+    logged = fly_and_log(rng, in_session, start, commands, moves).flights
+    traced = campaign(logged)
     begin = time.perf_counter()
     try:
         found = close_the_loop(traced, seed=seed)
     except InputError as error:
-        return f"| {kind} | {seed} | refused | {error} |"
+        return f"| {kind} | {seed} | {count} | refused | {error} |{' |' * 6}"
     taken = time.perf_counter() - begin
 
     nominal = refly.nominal_model(traced)
@@ -478,7 +491,7 @@ def ask(kind: str, seed: int) -> str:
     fresh, oracle = [], []
     beyond = 0
     perfect = Subject()
-    plain = campaign(list(fly_and_log(rng, perfect, start, commands, False)[0]))
+    plain = campaign(fly_and_log(rng, perfect, start, commands, False).flights)
     for launched, tape in (like, other):
         flown = fly_and_log(rng, subject, launched, tape, moves)
         fresh.append(errors_of(traced, flown, models))
@@ -539,6 +552,8 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--jobs", type=int, default=1, help="campaigns at a time")
     args = parser.parse_args()
+    if unknown := [kind for kind in args.kinds if kind not in KINDS]:
+        parser.error(f"no kind '{unknown[0]}'; expected some of {', '.join(KINDS)}")
     tasks = [
         joblib.delayed(ask)(kind, seed)
         for seed in range(args.first, args.first + args.seeds)
