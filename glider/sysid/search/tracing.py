@@ -201,7 +201,7 @@ def _names_of(
         if function not in FAMILIES:
             continue
         bent = FAMILIES[function].bends & names.keys()
-        formula = _explaining(search, shaped, function, MOSTLY if bent else EXPLAINED)
+        formula = _explaining(search, shaped, function, may_bend=bool(bent))
         bent_most = max(bent, key=evidence.__getitem__, default=UNEXPLAINED)
         names[function] = formula or bent_most
 
@@ -209,12 +209,14 @@ def _names_of(
 
 
 def _explaining(
-    search: Search, model: FitResult, function: str, share: float
+    search: Search, model: FitResult, function: str, *, may_bend: bool
 ) -> str | None:
     """Returns the formula at a function's link that explains it best, None if none.
 
     In the place of the function, the other coefficients fitted again with the noise
-    that the function leaves, it gains a share of what the function does.
+    that the function leaves, it gains a share `EXPLAINED` of what the function does; or
+    `MOSTLY`, where the function may only bend another formula, or varies with more
+    than the formula does.
     """
 
     def fit(start: FitResult) -> FitResult:
@@ -239,6 +241,8 @@ def _explaining(
     plain, named, free = (
         own.cost + own.freedom for own in (rest, fits[formula], model)
     )
+    is_of_family = formula in FAMILIES[function].formulas
+    share = EXPLAINED if is_of_family and not may_bend else MOSTLY
     return formula if plain - named > share * (plain - free) else None
 
 

@@ -122,6 +122,11 @@ def test_a_free_function_has_the_name_of_a_formula_that_explains_a_tenth_of_it(
     assert names({WAKE: 400.0}, {(WAKE, "tail_wake"): share}) == {WAKE: name}
 
 
+@pytest.mark.parametrize(("share", "name"), [(0.6, "camber"), (0.4, UNEXPLAINED)])
+def test_a_formula_of_fewer_variables_must_explain_most_of_it(share, name):
+    assert names({PAIR: 400.0}, {(PAIR, "camber"): share}) == {PAIR: name}
+
+
 def test_a_function_and_a_formula_that_it_bends_are_one_effect():
     assert names({"tail_wake": 46.0, WAKE: 400.0}) == {
         "tail_wake": "tail_wake",
