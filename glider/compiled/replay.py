@@ -154,7 +154,7 @@ def _set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
             tangent[d, 1 + i] += slope
 
 
-def log_flown(path, elevator, rate, nodes, numbers, gaussians, first, ends):
+def log_flown(path, elevator, rate, nodes, numbers, gaussians, tangents, first, ends):
     """Flies each interval of a log by q models, each from its own nodes.
 
     Args:
@@ -163,6 +163,7 @@ def log_flown(path, elevator, rate, nodes, numbers, gaussians, first, ends):
         nodes: (q, K + 1, n); from the first interval's end on, the states from
             `first` on are written: they go on from interval to interval.
         numbers, gaussians: (q, ...) of each, and of the free functions.
+        tangents: (K, v + 1, 18) that `gaussians` has in the intervals, or (0, ...).
         first: the first state that goes on.
         ends: (q, K, n), written.
     """
@@ -174,6 +175,8 @@ def log_flown(path, elevator, rate, nodes, numbers, gaussians, first, ends):
         path.elevator[:] = elevator[m]
         path.rate[:] = rate[m]
         for k in range(path.rate.shape[0]):
+            if tangents.shape[0] > 0:
+                gaussians.tangent[:] = tangents[k]
             put(nodes[m, k], x)
             log_step(path, k, x, _banked(theta, path.bank[k]), work)
             put(x, ends[m, k])
@@ -214,6 +217,7 @@ def log_slopes(
     gaussians,
     acting,
     linear,
+    tangents,
     terms,
     ends,
     by_x,
@@ -235,6 +239,7 @@ def log_slopes(
         gaussians: of the free functions; about each interval's flight they are linear.
         acting: which functions and which variables it has, (17,) and (v,).
         linear: Gaussians of a tangent alone, written.
+        tangents: (K, v + 1, 18), written where the free functions act on the body.
         terms: (T,) indices of FREE_FUNCTIONS.
         ends: (K, n), written: the state that each interval ends in.
         by_x: (K, w, w), written: slopes of the first w states by the node's.
@@ -270,6 +275,7 @@ def log_slopes(
         wind_z = path.wind[k, 1]
         if gaussians.num_flown > 0:
             _set_tangent(now, y, rate, wind_x, wind_z, own, acting, basis, tangent)
+            tangents[k] = tangent
         own = _banked(theta_of(numbers, about), path.bank[k])
         put(derivatives(now, y, rate, wind_x, wind_z, own), usual)
         for j in range(columns):
@@ -352,6 +358,8 @@ def log_flow(times, nodes, elevator, rate, numbers, gaussians, values):
 _ENTRIES = (log_flown, log_slopes, log_measure, log_flow)
 
 LOOPS = Family((_banked, _set_tangent, _carry, log_step, *_ENTRIES), _ENTRIES)
+
+_NO_TANGENTS = NO_GAUSSIANS.tangent[:0, None]
 
 Kinds = tuple[EffectKind, ...]
 """The effects that the compiled dynamics hold, whose coefficients a theta has.
@@ -455,23 +463,28 @@ def advance_nodes(
     nodes: Sequence[np.ndarray],
     numbers: Sequence[np.ndarray],
     gaussians: Gaussians,
+    tangents: np.ndarray = _NO_TANGENTS,
 ) -> np.ndarray:
     """Returns the ends (q, K, n) of intervals of q models, each flown from its node.
 
     Each has nodes (K + 1, n), numbers and a path; paths differ in the elevator alone.
+    With the tangents of `slopes_along`, the free functions are these: what is left to
+    compute is a fraction, and differences between models are as good as its slopes.
     """
     begins = np.array(nodes)
-    return _fly(kinds, paths, begins, numbers, gaussians, begins.shape[2])
+    if len(tangents):
+        gaussians = NO_GAUSSIANS._replace(tangent=np.empty_like(tangents[0]))
+    return _fly(kinds, paths, begins, numbers, gaussians, begins.shape[2], tangents)
 
 
-def _fly(kinds, paths, nodes, numbers, gaussians, first):
+def _fly(kinds, paths, nodes, numbers, gaussians, first, tangents=_NO_TANGENTS):
     """Returns the ends of intervals; writes nodes from a state on, see `log_flown`."""
     elevator = np.array([path.elevator for path in paths])
     rate = np.array([path.rate for path in paths])
     path = paths[0]._replace(elevator=elevator[0].copy(), rate=rate[0].copy())
     ends = np.empty_like(nodes[:, 1:])
-    given = path, elevator, rate, nodes, np.array(numbers), gaussians, first, ends
-    LOOPS.over(kinds).log_flown(*given)
+    models = path, elevator, rate, nodes, np.array(numbers)
+    LOOPS.over(kinds).log_flown(*models, gaussians, tangents, first, ends)
     return ends
 
 
@@ -485,7 +498,7 @@ def slopes_along(
     gaussians: Gaussians,
     terms: Sequence[int],
     width: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Flies each interval of a log from its own node (K + 1, n), with slopes.
 
     `moved` (m, len(numbers)) are the numbers, moved along each of m directions by
@@ -494,7 +507,8 @@ def slopes_along(
     Returns:
         the ends (K, n), and the slopes of their first `width` states: by the node's
         (K, width, width), by a constant of each term (K, width, T) and along the
-        directions (K, width, m).
+        directions (K, width, m); and the tangents (K, v + 1, 18) of the free functions
+        about the middles of the intervals, (0, ...) where none acts on the body.
     """
     ends = np.empty_like(nodes[1:])
     rows = (len(nodes) - 1, width)
@@ -505,11 +519,13 @@ def slopes_along(
     variables = len(FLOW_VARIABLES) if gaussians.num_flown else 0
     shape = 1 + variables, 1 + len(FREE_FUNCTIONS)
     linear = NO_GAUSSIANS._replace(tangent=np.empty(shape))
+    tangents = np.empty((len(nodes) - 1 if gaussians.num_flown else 0, *shape))
     flown = slice(gaussians.num_flown)
     acting = (
         gaussians.weights[:, flown].any(axis=1),
         gaussians.inverse_widths[:, flown].any(axis=1),
     )
+    free = gaussians, acting, linear, tangents
     loop = LOOPS.over(kinds).log_slopes
-    loop(path, nodes, numbers, moved, sizes, gaussians, acting, linear, index, *found)
-    return found
+    loop(path, nodes, numbers, moved, sizes, *free, index, *found)
+    return *found, tangents

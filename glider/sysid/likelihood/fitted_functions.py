@@ -40,6 +40,9 @@ _OF_POSITIONS = 1.5, 1e-4
 error of a measured position shows, which has wide Gaussians alone: a lens bends
 smoothly, and cameras resolve a thousandth of that. With widths of one and `RESOLVED`, a
 twentieth of a lens is left."""
+_LEAST_MET = 0.01
+"""Value along the flights below which a Gaussian is left out: a third of those over two
+variables. With them functions differ by less than 1e-5 of their values there."""
 _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 
@@ -208,10 +211,13 @@ def _make_function(
     levels = _LEVELS[:1] if of_position else _LEVELS
     own = [_grid(family.variables, range_, width, i) for i in range(len(levels))]
     centers, widths = map(np.vstack, zip(*own, strict=True))
-    pairs = zip(own, levels, strict=True)
-    shares = [np.full(len(c), share) for (c, _), (_, share) in pairs]
-    basis = np.diag(np.concatenate(shares))
+    counts = [len(centers) for centers, _ in own]
+    shares = np.repeat([share for _, share in levels], counts)
     shown = gaussian(flown, centers, widths)
+    is_met = shown.max(axis=0) > _LEAST_MET
+    centers, widths, shares = centers[is_met], widths[is_met], shares[is_met]
+    shown = shown[:, is_met]
+    basis = np.diag(shares)
     if function.kind in _ABOUT_MEAN:
         mean = shown.mean(axis=0, keepdims=True) @ basis
         basis = basis @ scipy.linalg.null_space(mean)

@@ -193,7 +193,7 @@ def linearize(
     # All that is smooth at once: by states, by constants of terms, by plain directions.
     index = [ROWS[name] for name in shown]
     width = states[-1] + 1
-    ends, by_x, by_term, by_plain = slopes_along(
+    ends, by_x, by_term, by_plain, tangents = slopes_along(
         kinds, path, nodes, dynamics, moved, sizes, gaussians, index, width
     )
     inputs = np.zeros((len(ends), width, columns))
@@ -204,8 +204,8 @@ def linearize(
     inputs[:, :, plain] = -by_plain  # Gusts count from zero.
     inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
     beside = {j: d for j, d in moving.items() if j not in plain}
-    usual = nodes, ends
-    secants = _secants(record, theta, gaussians, [*beside.values()], about, usual)
+    others = [*beside.values()]
+    secants = _secants(record, theta, gaussians, others, about, nodes, tangents)
     for j, secant in zip(beside, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
 
@@ -252,44 +252,42 @@ def _secants(
     gaussians: Gaussians,
     directions: Sequence[Direction],
     about: Surroundings,
-    usual: tuple[np.ndarray, np.ndarray],
+    usual_nodes: np.ndarray,
+    tangents: np.ndarray,
 ) -> list[np.ndarray]:
     """Returns the slopes (K, n) of intervals' ends where signals or nodes change.
 
-    `usual` are nodes and ends where no shapes are set. Those of an absent effect move
-    nothing but its own states.
+    `usual_nodes` are those where no shapes are set. Those of an absent effect move
+    nothing but its own states. In each interval the free functions are their tangents.
     """
     if not directions:
         return []
     space = record.space
-    usual_nodes, usual_ends = usual
     acting = space.acting_states(theta)
     nodes: dict[Shapes, np.ndarray] = {(): usual_nodes}
-    ends = dict.fromkeys((d.shapes for d in directions), usual_ends)
-    starts = {d.shapes: d for d in directions if d.shapes}
-    for shapes, d in starts.items():
+    bases = {(): theta}
+    flown_as: dict[Shapes, Shapes] = {(): ()}
+    for d in directions:
+        if d.shapes in nodes:
+            continue
         base = d.base(theta)
         states = space.states.get(d.kind, ())
-        nodes[shapes] = true_nodes(record, base, gaussians, with_states=True)
+        nodes[d.shapes] = true_nodes(record, base, gaussians, with_states=True)
+        flown_as[d.shapes] = ()
         if not states or not set(states).isdisjoint(acting):
-            [ends[shapes]] = _ends_of(record, gaussians, about, [(base, nodes[shapes])])
+            bases[d.shapes] = base
+            flown_as[d.shapes] = d.shapes
 
-    flown = [(d.moved(theta), nodes[d.shapes]) for d in directions]
-    moved = zip(directions, _ends_of(record, gaussians, about, flown), strict=True)
-    return [(end - ends[d.shapes]) / d.size for d, end in moved]
-
-
-def _ends_of(
-    record: Record,
-    gaussians: Gaussians,
-    about: Surroundings,
-    flown: Sequence[tuple[np.ndarray, np.ndarray]],
-) -> np.ndarray:
-    """Returns the ends (q, K, n) of intervals by models, each from nodes of its own."""
-    pairs = [path_of(record, theta, about) for theta, _ in flown]
+    begun = [(base, nodes[shapes]) for shapes, base in bases.items()]
+    moved = [(d.moved(theta), nodes[d.shapes]) for d in directions]
+    pairs = [path_of(record, theta, about) for theta, _ in begun + moved]
     paths, numbers = zip(*pairs, strict=True)
-    begins = [nodes for _, nodes in flown]
-    return advance_nodes(record.space.flown, paths, begins, numbers, gaussians)
+    begins = [own for _, own in begun + moved]
+    kinds = record.space.flown
+    ends = advance_nodes(kinds, paths, begins, numbers, gaussians, tangents)
+    usual = dict(zip(bases, ends, strict=False))
+    found = zip(directions, ends[len(bases) :], strict=True)
+    return [(end - usual[flown_as[d.shapes]]) / d.size for d, end in found]
 
 
 def _outputs(

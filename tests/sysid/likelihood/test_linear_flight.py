@@ -120,32 +120,57 @@ def test_columns_of_a_reading_are_derivatives(task, term):
     np.testing.assert_allclose(column, numeric, atol=0.02 * np.abs(numeric).max())
 
 
+FUNCTIONS = gaussians_of(
+    [
+        FreeFunction(
+            variables=["alpha", "V"],
+            centers=[[0.2, 6.0], [0.6, 5.0]],
+            widths=[0.2, 2.0],
+            weights={"c_drag": [0.3, -0.2], "c_normal": [0.5, 0.4]},
+        ),
+        FreeFunction(
+            variables=["elevator"],
+            centers=[[-0.3]],
+            widths=[0.3],
+            weights={"elevator_factor": [0.4]},
+        ),
+    ]
+)
+
+
 def test_moving_air_acts_on_the_forces_of_free_functions(task):
     """As a steady wind, by central differences."""
-    gaussians = gaussians_of(
-        [
-            FreeFunction(
-                variables=["alpha", "V"],
-                centers=[[0.2, 6.0], [0.6, 5.0]],
-                widths=[0.2, 2.0],
-                weights={"c_drag": [0.3, -0.2], "c_normal": [0.5, 0.4]},
-            )
-        ]
-    )
     record, theta = task.records[0], task.vehicle.theta
-    flight = linearize(record, theta, gaussians)
+    flight = linearize(record, theta, FUNCTIONS)
     kinds = record.space.flown
 
     def ends(*wind):
         about = Surroundings(np.array([*wind, 0.0, 0.0]))
         path, numbers = path_of(record, theta, about)
-        return advance_nodes(kinds, [path], [flight.nodes], [numbers], gaussians)[0]
+        return advance_nodes(kinds, [path], [flight.nodes], [numbers], FUNCTIONS)[0]
 
     for k, wind in enumerate(1e-3 * np.eye(2)):
         expected = (ends(*wind) - ends(*-wind))[:, flight.states] / 2e-3
         by_air = flight.moves[:, :, len(flight.states) + k]
         apart = np.abs(by_air - expected).max()
         assert apart < 0.02 * np.abs(expected).max()
+
+
+def test_a_signal_acts_on_the_forces_of_free_functions(task):
+    """An elevator that lags moves the tail's force that a function changes."""
+    record, theta, space = task.records[0], task.vehicle.theta, task.space
+    [direction] = slopes(space, space.slots_of("servo_lag"))
+    flight = linearize(record, theta, FUNCTIONS, [direction])
+    models = [
+        path_of(record, own, STILL_AIR) for own in (direction.moved(theta), theta)
+    ]
+    paths, numbers = zip(*models, strict=True)
+    begins = [flight.nodes, flight.nodes]
+    ends = advance_nodes(record.space.flown, paths, begins, numbers, FUNCTIONS)
+    lagging, usual = ends[:, :, flight.states]
+    expected = -(lagging - usual) / direction.size
+    apart = np.abs(flight.inputs[:, :, 0] - expected).max()
+    assert apart < 0.01 * np.abs(expected).max()
 
 
 def test_models_are_flown_at_once_as_each_alone(task):
