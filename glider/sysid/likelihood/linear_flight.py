@@ -264,30 +264,27 @@ def _secants(
         return []
     space = record.space
     acting = space.acting_states(theta)
+    begun = [(theta, usual_nodes)]
     nodes: dict[Shapes, np.ndarray] = {(): usual_nodes}
-    bases = {(): theta}
-    flown_as: dict[Shapes, Shapes] = {(): ()}
+    base_of: dict[Shapes, int] = {(): 0}
     for d in directions:
         if d.shapes in nodes:
             continue
         base = d.base(theta)
         states = space.states.get(d.kind, ())
         nodes[d.shapes] = true_nodes(record, base, gaussians, with_states=True)
-        flown_as[d.shapes] = ()
+        base_of[d.shapes] = 0
         if not states or not set(states).isdisjoint(acting):
-            bases[d.shapes] = base
-            flown_as[d.shapes] = d.shapes
+            base_of[d.shapes] = len(begun)
+            begun.append((base, nodes[d.shapes]))
 
-    begun = [(base, nodes[shapes]) for shapes, base in bases.items()]
     moved = [(d.moved(theta), nodes[d.shapes]) for d in directions]
-    pairs = [path_of(record, theta, about) for theta, _ in begun + moved]
+    pairs = [path_of(record, own, about) for own, _ in begun + moved]
     paths, numbers = zip(*pairs, strict=True)
     begins = [own for _, own in begun + moved]
-    kinds = record.space.flown
-    ends = advance_nodes(kinds, paths, begins, numbers, gaussians, tangents)
-    usual = dict(zip(bases, ends, strict=False))
-    found = zip(directions, ends[len(bases) :], strict=True)
-    return [(end - usual[flown_as[d.shapes]]) / d.size for d, end in found]
+    ends = advance_nodes(space.flown, paths, begins, numbers, gaussians, tangents)
+    found = zip(directions, ends[len(begun) :], strict=True)
+    return [(end - ends[base_of[d.shapes]]) / d.size for d, end in found]
 
 
 def _outputs(
