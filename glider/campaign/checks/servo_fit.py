@@ -22,9 +22,9 @@ from glider.campaign.checks.servo_forms import (
     LEAST_EVIDENCE,
     ORDER,
     Fit,
-    find_rest,
     find_step,
     fit_servo,
+    follow_from_rest,
     least_step,
     restore_lost,
     with_loads,
@@ -219,12 +219,12 @@ def _with_departures(
     shares = []
     for told, each in zip(plain.elevators, uneven.elevators, strict=True):
         time = times[each.name]
-        rest = find_rest(each, uneven.servo)
+        rest, expected = follow_from_rest(each, uneven.servo)
         known = np.clip(time, each.seen[0], each.seen[-1])
         smoothed = smoothing_maps(each.seen, known, found.ratio, ORDER)[0]
         shares.append(np.mean(np.max(smoothed, axis=1)))
         curve = (
-            smoothed @ (each.angle - each.follow(each.seen, uneven.servo, rest))
+            smoothed @ (each.angle - expected)
             + each.follow(time, uneven.servo, rest)
             - told.follow(time, servo, rest)
         )

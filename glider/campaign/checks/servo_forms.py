@@ -99,10 +99,11 @@ class Fit:
         return self.departures.log_likelihood - freedom - self.cost
 
 
-def find_rest(elevator: Elevator, servo: LateServo) -> float:
-    """Angle at which an elevator rested [rad]: that logged first, without its noise.
+def follow_from_rest(elevator: Elevator, servo: LateServo) -> tuple[float, np.ndarray]:
+    """Angle at which an elevator rested, and those that a servo expects (m,) [rad].
 
-    Noise would shift all angles until a stop.
+    It rested at the angle logged first, without its noise, which would shift all angles
+    until a stop.
     """
     rest = elevator.tape.rest
     path = elevator.follow(elevator.seen, servo)
@@ -110,8 +111,9 @@ def find_rest(elevator: Elevator, servo: LateServo) -> float:
     moves_freely &= path < servo.high - _NEAR_STOP
     free = np.logical_and.accumulate(moves_freely)
     if free.all() or not free.any():
-        return rest
-    return rest + float(np.median((elevator.angle - path)[free]))
+        return rest, path
+    rest += float(np.median((elevator.angle - path)[free]))
+    return rest, elevator.follow(elevator.seen, servo, rest)
 
 
 def _lasting_errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
@@ -119,12 +121,14 @@ def _lasting_errors(elevator: Elevator, servo: LateServo) -> np.ndarray:
 
     That is a constant, and what a lag makes of a late first command: it fades with it.
     """
-    rest = find_rest(elevator, servo)
-    error = elevator.angle - elevator.follow(elevator.seen, servo, rest)
+    _, path = follow_from_rest(elevator, servo)
+    error = elevator.angle - path
     since = elevator.seen - elevator.tape.switches[0]
     fading = np.exp(-since / max(servo.lag, _SHORTEST_LAG))
-    columns = np.stack([np.ones(len(since)), fading], axis=1)
-    return error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+    fading -= np.mean(fading)
+    error -= np.mean(error)
+    square = fading @ fading
+    return error - fading * ((fading @ error) / square) if square > 0.0 else error
 
 
 def fit_servo(
