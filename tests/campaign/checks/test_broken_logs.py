@@ -250,6 +250,18 @@ def test_rows_in_the_hand_are_set_aside(campaign, count, push):
         assert mask.pose[rows:].sum() <= 20
 
 
+def test_rows_in_the_hand_are_set_aside_of_slow_logs(campaign):
+    """At 40 Hz too, where half a window of the cubics has few rows."""
+    slow = b.change(campaign, b.thin(3))
+    edit = b.hold_before(10, 20.0, RNG)
+    before = [len(edit(f).time) - len(f.time) for f in slow.flights]
+    found = inspect(b.change(slow, edit))
+    for flight, rows in zip(slow.flights, before, strict=True):
+        mask = found.masks[flight.name].pose
+        assert mask[:rows].all()
+        assert mask[rows:].sum() <= 7
+
+
 def test_what_lies_beyond_a_gap_in_the_commands_is_set_aside(campaign):
     """The longer piece stays."""
     length = len(campaign.flights[0].time)
