@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from glider.compiled.parallel import in_parallel
+from glider.sysid.constants import FEW_FLIGHTS
 from glider.sysid.likelihood.filtering import score, whiten
 from glider.sysid.likelihood.information import bounded_step
 from glider.sysid.likelihood.linear_flight import LinearFlight
@@ -18,7 +19,6 @@ _LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
 # Of a quadratic that a step to its bound gains at least, over what its slope promises:
 # the least is two thirds beyond, or farther.
 _TRUSTED = 2.0 / 3.0
-_FEW = 4  # Flights whose information is that of all: no more steps than by eight.
 _DIVERGED = 1e100  # Slope beyond which squares of errors are numbers no longer.
 
 # Prior of the logarithms. Flights in nearly still air do not determine the gusts' time:
@@ -130,7 +130,7 @@ def _information(
     steps = _STEP_OF_LOG * np.eye(len(logs))[index]
     moved = [Scales.from_logs(logs + s) for s in steps]
     scales = Scales.from_logs(logs)
-    few = evenly(flights, _FEW)
+    few = evenly(flights, FEW_FLIGHTS)
 
     def one(flight: LinearFlight) -> np.ndarray:
         base = whiten(flight, scales)

@@ -188,10 +188,7 @@ class Search:
         return None
 
     def _with_another(self, model: FitResult, score: Scorer) -> FitResult | None:
-        """The model with an effect that first order undervalues, added or exchanged.
-
-        One that is added must gain evidence: first order is exact about no effect.
-        """
+        """The model with an effect that first order undervalues, added or exchanged."""
         own = score.by_first(model.kinds)
         found: dict[str, Members] = {}
         for other in (*score.larger(own), *score.swapped(own)):
@@ -202,6 +199,4 @@ class Search:
         least = score(own) - CLEAR
         near = [members for members in found.values() if score(members) > least]
         few = heapq.nlargest(FOLLOWED, near, key=score)
-        gained = score.gain(own)
-        few = [s for s in few if len(s) <= len(own) or score.gain(s) > gained]
         return self.better(model, score, few)
