@@ -346,11 +346,14 @@ def _calc_travel(
     few = shown[:: max(1, len(shown) // _FEW)]
     _, delay = calc_correlation(few)
     late = min(max(0.0, delay), _LONGEST[0])  # Not nan.
-    free, *excuses = (
-        fit_servo(few, LateServo(*own, late), command_std, ("gain",))
-        for own in (NO_LIMITS, limits, _reached(few))
+    fit_gain = functools.partial(
+        fit_servo, few, command_std=command_std, free=("gain",)
     )
+    free = fit_gain(LateServo(*NO_LIMITS, late))
     off = abs(abs(free.servo.gain) - 1.0)
+    excuses = []
+    if off >= _TRAVEL[0]:  # Else it needs none.
+        excuses = [fit_gain(LateServo(*own, late)) for own in (limits, _reached(few))]
     clearly = [f for f in excuses if f.likelihood > free.likelihood + LEAST_EVIDENCE]
     nearer = [fit for fit in clearly if abs(abs(fit.servo.gain) - 1.0) < off]
     servo = max([free, *nearer], key=lambda fit: fit.likelihood).servo
