@@ -91,10 +91,8 @@ def identify_servo(
         plain = found
         if found.explains:
             return campaign, told
-    elif (
-        plain.explains and not found.cause
-    ):  # A delay and a lag are effects to be traced.
-        return campaign, ()
+    elif plain.explains and not found.cause:
+        return campaign, ()  # A delay and a lag are effects to be traced.
     if found.servo == found.servo.even:  # A few flights may be odd, or lose commands.
         places = range(len(elevators))
         odd = [place for place in places if not plain.on([place]).explains]

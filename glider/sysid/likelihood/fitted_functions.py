@@ -41,8 +41,8 @@ error of a measured position shows, which has wide Gaussians alone: a lens bends
 smoothly, and cameras resolve a thousandth of that. With widths of one and `RESOLVED`, a
 twentieth of a lens is left."""
 _LEAST_MET = 0.01
-"""Value along the flights below which a Gaussian is left out: a third of those over two
-variables. With them functions differ by less than 1e-5 of their values there."""
+"""Largest value along the flights below which a Gaussian is left out, as a third of
+those over two variables are. Functions change there by less than 1e-5 of their size."""
 _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 

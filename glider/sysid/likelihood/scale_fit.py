@@ -16,9 +16,9 @@ _MOST_DAMPING = 1e4  # Damping of a step of the scales beyond which none gains.
 _STEP_OF_LOG = 1e-3  # Step of a scale's logarithm for slopes.
 _LARGEST_STEP = 0.7  # Of a logarithm: a scale at most doubles.
 _LEAST_FISHER = 1e-3  # Information on a logarithm that there always is.
-# Of a quadratic that a step to its bound gains at least, over what its slope promises:
-# the least is two thirds beyond, or farther.
-_TRUSTED = 2.0 / 3.0
+# Gain of a step that is cut short, over what its slope promises, at which the curvature
+# holds: a quadratic's is as large up to two thirds of the way to its minimum.
+_AS_PROMISED = 2.0 / 3.0
 _DIVERGED = 1e100  # Slope beyond which squares of errors are numbers no longer.
 
 # Prior of the logarithms. Flights in nearly still air do not determine the gusts' time:
@@ -92,7 +92,7 @@ def fit_scales(
                 change = there - slopes - _PRECISION * step
                 gained = value - lower
                 is_far = np.abs(own).max() >= _LARGEST_STEP
-                if is_far and gained < _TRUSTED * promised:
+                if is_far and gained < _AS_PROMISED * promised:
                     curvature = None
                 else:
                     curvature = _updated(curvature, step, change)

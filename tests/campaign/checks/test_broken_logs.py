@@ -238,28 +238,21 @@ def test_all_flights_may_land(campaign, first):
         assert not mask.pose[: first - 3].any()
 
 
-@pytest.mark.parametrize(("count", "push"), [(30, 12.0), (30, 25.0), (0, 20.0)])
-def test_rows_in_the_hand_are_set_aside(campaign, count, push):
+@pytest.mark.parametrize(
+    ("count", "push", "every"),
+    [(30, 12.0, 1), (30, 25.0, 1), (0, 20.0, 1), (10, 20.0, 3)],
+)
+def test_rows_in_the_hand_are_set_aside(campaign, count, push, every):
+    """As are those whose cubics see the hand, at 40 Hz too."""
     edit = b.hold_before(count, push, RNG)
+    campaign = b.change(campaign, b.thin(every))
     before = [len(edit(f).time) - len(f.time) for f in campaign.flights]
     found = inspect(b.change(campaign, edit))
     assert len(found.campaign.flights) == 12
     assert found.warnings == ()
     for mask, rows in zip(found.masks.values(), before, strict=True):
         assert mask.pose[:rows].all()
-        assert mask.pose[rows:].sum() <= 20
-
-
-def test_rows_in_the_hand_are_set_aside_of_slow_logs(campaign):
-    """At 40 Hz too, where half a window of the cubics has few rows."""
-    slow = b.change(campaign, b.thin(3))
-    edit = b.hold_before(10, 20.0, RNG)
-    before = [len(edit(f).time) - len(f.time) for f in slow.flights]
-    found = inspect(b.change(slow, edit))
-    for flight, rows in zip(slow.flights, before, strict=True):
-        mask = found.masks[flight.name].pose
-        assert mask[:rows].all()
-        assert mask[rows:].sum() <= 7
+        assert max(6 / every, 3) <= mask.pose[rows:].sum() <= 20 / every
 
 
 def test_what_lies_beyond_a_gap_in_the_commands_is_set_aside(campaign):
