@@ -12,7 +12,7 @@ import contextlib
 import itertools
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 import joblib
@@ -94,26 +94,28 @@ def in_parallel(function: Callable[[Any], Any], items: Iterable) -> list:
 def _by_threads(function: Callable[[Any], Any], items: Sequence) -> list:
     """Returns function(item) for each; a thread takes the next as it is done with one.
 
-    To hand each to a thread by itself takes as long as a short flight is filtered.
+    The caller's thread is one of them. To hand each to a thread by itself takes as long
+    as a short flight is filtered.
     """
     found: list = [None] * len(items)
     places = iter(range(len(items)))
 
-    def work(_: int) -> None:
+    def work() -> None:
         try:
             for k in places:
                 found[k] = function(items[k])
-        finally:
-            begin_no_other()
+        finally:  # After an error or an interrupt no thread begins another.
+            collections.deque(places, maxlen=0)
 
-    def begin_no_other():
-        collections.deque(places, maxlen=0)
-
+    others = min(_WORKERS, len(items)) - 1
+    helping = [_THREADS.submit(work) for _ in range(others)]
     try:
-        for _ in _THREADS.map(work, range(min(_WORKERS, len(items)))):
-            pass
-    finally:  # After an error or an interrupt.
-        begin_no_other()
+        work()
+    finally:
+        begun = [each for each in helping if not each.cancel()]
+        wait(begun)
+    for each in begun:
+        each.result()  # Raises its error.
     return found
 
 

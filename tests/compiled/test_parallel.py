@@ -45,9 +45,16 @@ def test_there_is_a_thread_for_each_core_that_the_process_may_use():
 
 def test_the_callers_choice_of_workers_is_kept():
     me = threading.get_ident()
-    assert me not in in_parallel(lambda _: threading.get_ident(), range(5))
+
+    def work(_):
+        time.sleep(0.02)  # No thread takes all items.
+        return threading.get_ident()
+
+    threads = set(in_parallel(work, range(20)))
+    assert me in threads
+    assert len(threads) == joblib.cpu_count()
     with joblib.parallel_config(n_jobs=1):
-        assert set(in_parallel(lambda _: threading.get_ident(), range(5))) == {me}
+        assert set(in_parallel(work, range(5))) == {me}
 
 
 def test_an_error_comes_out_as_it_is():
