@@ -17,6 +17,7 @@ from glider.campaign.importing.advice import ORDERS, advise
 from glider.campaign.importing.clock_offset import join_clocks
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.frame_posterior import fly_all, judge
+from glider.campaign.importing.picking import make_track
 from glider.campaign.importing.readers import read_recording, read_recordings
 from glider.campaign.importing.recording import Column, Group, Recording
 from glider.campaign.importing.servo_logs import align_commands, make_servo, widen
@@ -25,7 +26,6 @@ from glider.campaign.importing.track import (
     ServoLogs,
     Track,
     angles_of,
-    make_track,
     turn_along,
     within_pi,
 )
