@@ -192,16 +192,21 @@ class _Picker(NamedTuple):
             orders = [axes]
             usual = axes
         order = self.mapping.frame.rotation or usual
-        expected = f"{' or '.join(orders)}, the order of the quaternion's four numbers"
-        self._check_rotation(order in orders, order, expected)
+        self._check_rotation(
+            order in orders,
+            order,
+            f"{' or '.join(orders)}, the order of the quaternion's four numbers",
+        )
 
         values = stream.values[:, [order.index(letter) for letter in "xyzw"]]
         with np.errstate(over="ignore"):
             norm = np.linalg.norm(values, axis=1)
         is_seen = (norm > 0.5) & (norm < 2.0)
         if is_seen.any() and np.median(np.abs(norm - 1.0)) > 0.01:
-            reason = f"a quaternion has a length of {np.median(norm):.3g}; expected 1"
-            raise self._error("attitude", reason)
+            raise self._error(
+                "attitude",
+                f"a quaternion has a length of {np.median(norm):.3g}; expected 1",
+            )
         seen = stream._replace(time=stream.time[is_seen])
         return _with_matrices(seen, Rotation.from_quat(values[is_seen]))
 
@@ -214,9 +219,11 @@ class _Picker(NamedTuple):
             rotation: order of the turns as SciPy has it, about moving axes in capitals
                 and about fixed ones in small letters; or "rotation_vector".
         """
-        is_known = rotation not in ("", "wxyz", "xyzw")
-        expected = "XYZ or rotation_vector, ..., the meaning of its three angles"
-        self._check_rotation(is_known, rotation, expected)
+        self._check_rotation(
+            rotation not in ("", "wxyz", "xyzw"),
+            rotation,
+            "XYZ or rotation_vector, ..., the meaning of its three angles",
+        )
         stream = stream.known()
         angles = stream.values
         if rotation == "rotation_vector":
@@ -224,13 +231,12 @@ class _Picker(NamedTuple):
         if self.mapping.frame.turns_pitch:
             angles = angles * [1.0, -1.0, 1.0]
         order = ["XYZ".index(letter) for letter in rotation.upper()]
-        turns = Rotation.from_euler(rotation, angles[:, order])
-        return _with_matrices(stream, turns)
+        return _with_matrices(stream, Rotation.from_euler(rotation, angles[:, order]))
 
     def _check_rotation(self, is_known: bool, found: str, expected: str) -> None:
         """Refuses a `frame: {rotation: ...}` that does not say how angles are read."""
-        what = f"{self.recording.path}: {self._field('attitude')}: 'rotation'"
-        expect(is_known, what, found, expected)
+        field = self._field("attitude")
+        expect(is_known, f"{self.recording.path}: {field}: 'rotation'", found, expected)
 
     def _markers(self, markers: Markers, is_planar: bool) -> Stream:
         """Rotations (n, 9) by points: x from tail to nose, y toward the left wing tip.
@@ -250,9 +256,11 @@ class _Picker(NamedTuple):
         in_plane = nose.values.shape[1] == 2
         is_odd = in_plane and (tips or not is_planar)
         if is_odd or len({point.values.shape for point in points}) > 1:
-            reason = "its markers differ in rows or axes, or are in a plane"
-            expected = "the same of all, and in a plane a position, nose and tail"
-            raise self._error("attitude", f"{reason}; expected {expected}")
+            raise self._error(
+                "attitude",
+                "its markers differ in rows or axes, or are in a plane; expected the "
+                "same of all, and in a plane a position, nose and tail",
+            )
 
         ahead = nose.values - tail.values
         if in_plane:
@@ -359,8 +367,10 @@ class _Picker(NamedTuple):
         named = self.mapping.columns.get("time", "time")
         times = self.recording.find_times(group, named)
         if times is None:
-            reason = f"no column of times was found for '{quantity}'"
-            raise self._error("time", f"{reason} (named {named!r})")
+            raise self._error(
+                "time",
+                f"no column of times was found for '{quantity}' (named {named!r})",
+            )
         return self._scaled("time", times)
 
     def _scaled(self, quantity: str, column: Column) -> np.ndarray:
@@ -372,9 +382,9 @@ class _Picker(NamedTuple):
         path = self.recording.path
         if column.fault:
             raise InputError(f"{path}: {column.fault}")
+        units = self.mapping.units
         kind = QUANTITIES[quantity]
         own = spell(column.unit or "")
-        units = self.mapping.units
         field = quantity if quantity in units else kind
         unit = units.get(field, own)
         if unit is None:
