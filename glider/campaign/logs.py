@@ -82,8 +82,12 @@ class ServoLog:
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
         errors = [self.clock_std, self.command_std]
-        known = all(0.0 <= error < math.inf for error in errors)
-        expect(known, "servo: [clock_std, command_std]", errors, "standard errors in s")
+        expect(
+            all(0.0 <= error < math.inf for error in errors),
+            "servo: [clock_std, command_std]",
+            errors,
+            "standard errors in s",
+        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -228,9 +232,12 @@ def split_flights(
             f"found {count} flight{'s' * (count != 1)}; expected at "
             "least 3, to fit and to hold out."
         )
-    is_share = 0 < held_out_fraction < 1
-    expected = "a number between 0 and 1"
-    expect(is_share, "The held-out fraction", held_out_fraction, expected)
+    expect(
+        0 < held_out_fraction < 1,
+        "The held-out fraction",
+        held_out_fraction,
+        "a number between 0 and 1",
+    )
     num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)
     order = np.random.default_rng(seed).permutation(count)
     flights = sorted(campaign.flights, key=lambda flight: flight.name)
