@@ -1,7 +1,9 @@
 """Recordings in the columns of a campaign, checked and made flights.
 
 What cannot be in SI units, or cannot be a flight, is refused. A fault that an effect of
-the library models (a wrong sign, an offset, a delay) passes.
+the library models (a wrong sign, an offset, a delay) passes. Columns are checked one by
+one for numbers, then the times for their order, then all for their units; the first
+fault is reported, with the row of the file. The angles of the pose are unwrapped.
 """
 
 import dataclasses
@@ -58,13 +60,20 @@ def with_flights(
 
 
 def _make_flight(recording: Recording, name: str, campaign: Campaign) -> Flight:
-    """Makes the flight of a recording; InputError where it cannot be one in SI."""
+    """Makes the flight of a recording; InputError where it cannot be one in SI.
+
+    Args:
+        recording: of one table.
+        name: of the flight.
+        campaign: says whether the elevator has a servo.
+    """
     columns = _read_columns(recording, campaign)
     _check_times(recording, columns)
     _check_units(recording, columns)
     for angle in EULER:
         if angle in columns:
             columns[angle] = np.unwrap(columns[angle])
+
     attitude = None
     if "roll" in columns:
         attitude = np.column_stack([columns["y"], columns["roll"], columns["yaw"]])
@@ -103,7 +112,10 @@ def _read_columns(recording: Recording, campaign: Campaign) -> dict[str, np.ndar
 
 
 def _read_column(recording: Recording, name: str) -> np.ndarray:
-    """Numbers of a column (n,) in SI; InputError where they are not finite."""
+    """Numbers of a column (n,) in SI; InputError where they are not finite.
+
+    A column has a unit where the file has one for it, otherwise it is in SI.
+    """
     _, column = recording.find(name, "flight")
     recording.refuse(~np.isfinite(column.values), name, "a finite number")
     if column.unit is None:

@@ -53,8 +53,12 @@ def turn(flight: Flight, signs: Signs) -> Flight:
     command = flight.command
     if command is not None:
         command = command * signs.command
-    pose = flight.pose * np.array([1.0, 1.0, signs.pitch])
-    return dataclasses.replace(flight, pose=pose, elevator=elevator, command=command)
+    return dataclasses.replace(
+        flight,
+        pose=flight.pose * np.array([1.0, 1.0, signs.pitch]),
+        elevator=elevator,
+        command=command,
+    )
 
 
 def turn_campaign(campaign: Campaign, signs: Signs) -> Campaign:

@@ -277,6 +277,7 @@ def cut_recordings(
     parts = _split(recordings, mapping, are_flights)
     tracks = [make_track(part, mapping) for part in parts]
     tracks, jittering = _restore_even_times(tracks, settings.pose_rate)
+
     flights = []
     notes = []
     for track in tracks:
@@ -298,6 +299,7 @@ def cut_recordings(
             servo_logs.append(log)  # Flights of a log share it.
         noted = dict.fromkeys([*why, *track.notes])
         cuts.append(_CutRecording(track.path, tuple(pieces), tuple(noted)))
+
     servo = max(servo_logs, key=lambda log: log.clock_std, default=settings.servo)
     campaign = dataclasses.replace(settings, servo=servo, notes=warnings)
     if tables:
@@ -399,5 +401,4 @@ def _make_table(
 def _count(things: Sequence, what: str = "flight") -> str:
     """A number of things in words: "no flight", "1 flight", "2 flights"."""
     number = len(things)
-    plural = "s" if number > 1 else ""
-    return f"{number or 'no'} {what}{plural}"
+    return f"{number or 'no'} {what}{'s' * (number > 1)}"

@@ -67,7 +67,10 @@ def read_logs(
 
 
 def _find_takes(files: Sequence[Path], patterns: Sequence[str]) -> dict[str, _Files]:
-    """The files of each recording, by their text for *; only whole recordings."""
+    """The files of each recording, by their text for *.
+
+    Texts for which a pattern has no file are left out.
+    """
     takes: dict[str, _Files] = {}
     for pattern in patterns:
         before, _, after = pattern.partition("*")

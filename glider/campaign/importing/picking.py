@@ -235,18 +235,23 @@ class _Picker(NamedTuple):
 
     def _check_rotation(self, is_known: bool, found: str, expected: str) -> None:
         """Refuses a `frame: {rotation: ...}` that does not say how angles are read."""
-        field = self._field("attitude")
-        expect(is_known, f"{self.recording.path}: {field}: 'rotation'", found, expected)
+        expect(
+            is_known,
+            f"{self.recording.path}: {self._field('attitude')}: 'rotation'",
+            found,
+            expected,
+        )
 
     def _markers(self, markers: Markers, is_planar: bool) -> Stream:
         """Rotations (n, 9) by points: x from tail to nose, y toward the left wing tip.
 
-        y is the normal of x and of the top, which is square to x and to the line
-        through the wing tips. Without wing tips the wings are taken as level.
+        With a = nose - tail and l = left - right the matrices have the columns a,
+        (a × l) × a and a × l, each divided by its length. Without wing tips the wings
+        are taken as level: l = up × a.
 
         Returns:
-            The rotations; of markers in a plane the vector from tail to nose (n, 2)
-            [m]. They are nan where a marker was not seen.
+            The rotations; of markers in a plane a (n, 2) [m] alone. They are nan where
+            a marker was not seen.
         """
         names = (markers.nose, markers.tail, markers.left, markers.right)
         points = [self._point("attitude", name) for name in names if name]
@@ -301,10 +306,9 @@ class _Picker(NamedTuple):
         """Finds the columns of a vector.
 
         Args:
-            quantity: that the vector is, for messages.
+            quantity: for messages.
             name: common name of the columns, or a list of all their names.
-            shapes: axes that the columns may have, by the letters or digits of
-                SHAPES.
+            shapes: axes that the columns may have, in letters or digits as in SHAPES.
 
         Returns:
             The axes of the first shape that fits, and the group and its columns.
