@@ -6,11 +6,11 @@ Bayesian form; Wahba 1978, Rasmussen and Williams ch. 6):
 
     y = f(t) + P(t) β + e,   f ~ N(0, noise² ratio K),   e ~ N(0, noise²)
 
-with K of `_covariance` and P of `_polynomial`. The third derivative is that of poses.
-`estimate_noise` finds the two numbers of a channel by the restricted likelihood, that
-of the samples' projection beside all polynomials: all flights of a campaign share them.
-`smoothing_maps` evaluates the posterior means of the curve and its derivatives. Times
-may be irregular and rows may be missing. Flights with the same times share their maps.
+with K of `_covariance` and P of `_polynomial`. For poses it is the third derivative.
+All flights of a campaign share noise and ratio. `estimate_noise` finds them by maximum
+restricted likelihood: that of the samples projected onto the orthogonal complement of
+the polynomials. `smoothing_maps` evaluates the posterior means of the curve and of its
+derivatives. Times may be irregular and rows may be missing.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ from scipy.special import rgamma
 
 _NANOSECONDS = 9  # Decimals of times [s] within which two grids are the same.
 _GRIDS = 32  # Grids of times whose maps are kept.
-_LOG_RATIOS = np.linspace(-10.0, 60.0, 71)  # That are tried first.
+_LOG_RATIOS = np.linspace(-10.0, 60.0, 71)  # Those that are tried first.
 _POSE_ORDER = 3  # Order of the derivative of a pose that is white noise.
 _TINY = 1e-300  # Variance that keeps the logarithm of a perfect fit finite.
 
@@ -80,7 +80,7 @@ def _spectrum(grid: bytes, order: int) -> tuple[np.ndarray, np.ndarray]:
 
     Returns:
         Eigenvalues (n - order,) and orthonormal eigenvectors (n, n - order) of the
-        covariance of a process of unit power, projected beside all polynomials.
+        covariance of a process of unit power, projected onto that complement.
     """
     t = np.frombuffer(grid)
     null = np.linalg.qr(_polynomial(t, order), mode="complete").Q[:, order:]
