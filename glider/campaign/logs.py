@@ -65,19 +65,12 @@ class Flight:
 
 
 class Departure(NamedTuple):
-    """What an elevator does beside what a servo makes of its commands.
+    """What an elevator does beside what a servo makes of its commands."""
 
-    Attributes:
-        angle: (n,) at the rows of a flight [rad].
-        rest: where the elevator stood before the first command [rad].
-        std: standard error of `rest` [rad].
-        is_named: whether a form of the servo is known that explains it.
-    """
-
-    angle: np.ndarray
-    rest: float
-    std: float
-    is_named: bool = False
+    angle: np.ndarray  #: (n,) at the rows of a flight [rad].
+    rest: float  #: Where the elevator stood before the first command [rad].
+    std: float  #: Standard error of `rest` [rad].
+    is_named: bool = False  #: Whether a form of the servo is known that explains it.
 
 
 CLOCK_STD = 1e-3
