@@ -28,16 +28,28 @@ _NOT_IN_NAMES = frozenset("<>&\"'`")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Flight:
-    """One flight as it was logged, n rows."""
+    """One flight as it was logged, n rows.
 
-    name: str  #: Name of the file, e.g. "flight_003.csv".
-    time: np.ndarray  #: (n,) as logged, strictly increasing [s].
-    pose: np.ndarray  #: (n, 3) x [m], z [m], pitch [rad].
-    elevator: np.ndarray | None  #: (n,) [rad]; None without a servo.
-    command: np.ndarray | None  #: (n,) elevator_rate_command, held [rad/s].
-    attitude: np.ndarray | None = None  #: (n, 3) y [m], roll, yaw [rad] if logged.
-    command_time: np.ndarray | None = None  #: (n,) when it began [s].
-    departure: "Departure | None" = None  #: Of the elevator; it is not logged.
+    Attributes:
+        name: of the file, e.g. "flight_003.csv".
+        time: (n,) as logged, strictly increasing [s].
+        pose: (n, 3) x [m], z [m], pitch [rad].
+        elevator: (n,) angle [rad]; None without a servo.
+        command: (n,) elevator_rate_command, held until the next [rad/s]; None without a
+            servo.
+        attitude: (n, 3) y [m], roll, yaw [rad]; None where they were not logged.
+        command_time: (n,) when the command of each row began [s]; None: not logged.
+        departure: of the elevator from what a servo does; it is not logged.
+    """
+
+    name: str
+    time: np.ndarray
+    pose: np.ndarray
+    elevator: np.ndarray | None
+    command: np.ndarray | None
+    attitude: np.ndarray | None = None
+    command_time: np.ndarray | None = None
+    departure: "Departure | None" = None
 
     def __post_init__(self):
         """Raises InputError for a name that a page or a terminal could interpret."""
@@ -55,9 +67,9 @@ class Flight:
 class Departure(NamedTuple):
     """What an elevator does beside what a servo makes of its commands."""
 
-    angle: np.ndarray  #: (n,) at the rows [rad].
+    angle: np.ndarray  #: (n,) at the rows of a flight [rad].
     rest: float  #: Where the elevator stood before the first command [rad].
-    std: float  #: Its standard error [rad].
+    std: float  #: Standard error of `rest` [rad].
     is_named: bool = False  #: Whether a form of the servo is known that explains it.
 
 
@@ -67,39 +79,61 @@ CLOCK_STD = 1e-3
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ServoLog:
-    """Where the columns of a servo come from, and how well their times are known."""
+    """Where the columns of a servo come from, and how well their times are known.
 
-    #: "measured", or "reconstructed": that of an ideal servo.
+    Attributes:
+        angle: "measured", or "reconstructed": that of an ideal servo.
+        command: "logged" as rates; "converted": rates of an ideal servo that follows
+            commanded angles; "reconstructed": the rates of the measured angle.
+        clock_std: standard error of their times against those of the poses [s].
+        command_std: standard error of the commands' times against those of the measured
+            angle [s].
+    """
+
     angle: Literal["measured", "reconstructed"] = "measured"
-    #: "logged" as rates; "converted": rates of an ideal servo that follows commanded
-    #: angles; "reconstructed": the rates of the measured angle.
     command: Literal["logged", "converted", "reconstructed"] = "logged"
-    #: Standard error of their times against those of the poses [s].
     clock_std: float = CLOCK_STD
-    #: Of the commands' times against those of the measured angle [s].
     command_std: float = CLOCK_STD
 
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
         errors = [self.clock_std, self.command_std]
-        known = all(0.0 <= error < math.inf for error in errors)
-        expect(known, "servo: [clock_std, command_std]", errors, "standard errors in s")
+        expect(
+            all(0.0 <= error < math.inf for error in errors),
+            "servo: [clock_std, command_std]",
+            errors,
+            "standard errors in s",
+        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """The flights of one glider and what is known of it."""
+    """The flights of one glider and what is known of it.
 
-    name: str  #: Name of the folder.
+    Attributes:
+        name: of the folder.
+        path: of the folder; of flights in memory, their name.
+        vehicle: those of PARAMETER_NAMES that are known, in SI units.
+        elevator: "servo", "fixed" (one unknown angle) or "fixed_per_flight".
+        elevator_limits: trailing edge down and up [rad]; None: unknown.
+        elevator_rate_limit: [rad/s]; None: unknown.
+        pose_rate: of the cameras [Hz]; None: not specified.
+        command_rate: at which commands change [Hz]; None: they change at rows.
+        flights: sorted by name.
+        notes: what an import found in the logs and did about it.
+        servo: where the columns of the servo come from.
+    """
+
+    name: str
     path: Path
-    vehicle: dict[str, float]  #: Those of PARAMETER_NAMES that are known.
-    elevator: str  #: "servo", "fixed" (one unknown angle) or "fixed_per_flight".
-    elevator_limits: tuple[float, float] | None  #: Trailing edge down, up [rad].
-    elevator_rate_limit: float | None  #: [rad/s]
-    pose_rate: float | None  #: Of the cameras [Hz]; None: not specified.
-    command_rate: float | None  #: [Hz]; None: commands change at rows.
-    flights: tuple[Flight, ...]  #: Sorted by name.
-    notes: tuple[str, ...] = ()  #: What an import found in the logs and did about it.
+    vehicle: dict[str, float]
+    elevator: str
+    elevator_limits: tuple[float, float] | None
+    elevator_rate_limit: float | None
+    pose_rate: float | None
+    command_rate: float | None
+    flights: tuple[Flight, ...]
+    notes: tuple[str, ...] = ()
     servo: ServoLog = ServoLog()
 
     def __repr__(self) -> str:
@@ -228,9 +262,12 @@ def split_flights(
             f"found {count} flight{'s' * (count != 1)}; expected at "
             "least 3, to fit and to hold out."
         )
-    is_share = 0 < held_out_fraction < 1
-    expected = "a number between 0 and 1"
-    expect(is_share, "The held-out fraction", held_out_fraction, expected)
+    expect(
+        0 < held_out_fraction < 1,
+        "The held-out fraction",
+        held_out_fraction,
+        "a number between 0 and 1",
+    )
     num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)
     order = np.random.default_rng(seed).permutation(count)
     flights = sorted(campaign.flights, key=lambda flight: flight.name)

@@ -1,4 +1,7 @@
-"""Motion capture as an instrument: its rate and its noise."""
+"""Motion capture as an instrument: its rate and its noise.
+
+Simulated flights and estimators have the same one.
+"""
 
 import dataclasses
 import math
@@ -13,21 +16,28 @@ class MotionCapture:
     """Cameras that see the pose, and a sensor of the elevator's angle.
 
     The defaults are those of the practice campaigns.
+
+    Attributes:
+        rate: of the samples [Hz].
+        position: standard deviation of a measured x and z [m].
+        pitch: standard deviation of a measured pitch [rad].
+        elevator: standard deviation of a measured elevator angle [rad].
     """
 
-    rate: float = 120.0  #: Of the samples [Hz].
-    position: float = 0.0004  #: Standard deviation of a measured x and z [m].
-    pitch: float = 0.0025  #: Standard deviation of a measured pitch [rad].
-    elevator: float = 0.005  #: Standard deviation of a measured elevator angle [rad].
+    rate: float = 120.0
+    position: float = 0.0004
+    pitch: float = 0.0025
+    elevator: float = 0.005
 
     def __post_init__(self):
         """Raises InputError where a number cannot be."""
         for name, value in vars(self).items():
-            least = "positive" if name == "rate" else "not negative"
-            fits = value > 0.0 if name == "rate" else value >= 0.0
-            what = f"MotionCapture: '{name}'"
-            expected = f"a finite number, {least}"
-            expect(fits and math.isfinite(value), what, value, expected)
+            fits = 0.0 <= value < math.inf
+            least = "not negative"
+            if name == "rate":
+                fits = 0.0 < value < math.inf
+                least = "positive"
+            expect(fits, f"MotionCapture: '{name}'", value, f"a finite number, {least}")
 
     @property
     def std(self) -> np.ndarray:
@@ -35,5 +45,9 @@ class MotionCapture:
         return np.array([self.position, self.position, self.pitch, self.elevator])
 
     def draw(self, rng: np.random.Generator, *shape: int) -> np.ndarray:
-        """Draws noise of samples, (*shape, 4) [m, rad]."""
+        """Draws the noise of samples of any shape.
+
+        Returns:
+            Errors of x, z, pitch and elevator, (*shape, 4) [m, rad].
+        """
         return rng.normal(size=(*shape, 4)) * self.std

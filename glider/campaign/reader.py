@@ -33,8 +33,12 @@ def load_campaign(
     Raises:
         InputError: the campaign cannot be used.
     """
-    known = isinstance(path, (str, Path))
-    expect(known, "the campaign", path, "the path of its folder, or a Campaign")
+    expect(
+        isinstance(path, (str, Path)),
+        "the campaign",
+        path,
+        "the path of its folder, or a Campaign",
+    )
     path = campaign_folder(path)
     file = path / "campaign.yaml"
     if not file.is_file():

@@ -22,19 +22,26 @@ HOW_TO_IMPORT = "'glider import' makes one of other logs"
 
 
 class _Sample(NamedTuple):
-    """A campaign that ships with the package."""
+    """A campaign that ships with the package.
 
-    name: str  #: That `load_campaign` and the command line take.
-    holds: str  #: What its logs hold that a flat plate in still air lacks.
-    flights: int  #: Number of them.
+    Attributes:
+        name: that `load_campaign` and the command line take.
+        holds: what its logs hold that a flat plate in still air lacks.
+        flights: number of them.
+    """
+
+    name: str
+    holds: str
+    flights: int
 
 
 def sample_names() -> tuple[str, ...]:
-    """Names of the samples."""
+    """Returns the names of the samples, in the order of their list."""
     return tuple(_read_list())
 
 
 def _read_list() -> dict[str, str]:
+    """What each sample holds, by its name."""
     file = models_path(_FOLDER, "samples.yaml")
     return schema.load_yaml(dict[str, str], file, "the list of samples")
 
@@ -50,20 +57,26 @@ def list_samples() -> tuple[_Sample, ...]:
 
 
 def campaign_folder(campaign: Path | str) -> Path:
-    """Finds the folder of a campaign, or of a sample by its name."""
+    """Finds the folder of a campaign, or of a sample by its name.
+
+    A folder of that name comes first. A sample is unpacked if it is not yet.
+
+    Raises:
+        InputError: it is neither.
+    """
     path = Path(campaign)
     if path.is_dir():
         return path
     names = sample_names()
     if str(path) in names:
         return _unpacked(models_path(_FOLDER, f"{path}.zip"))
-    found = "does not exist"
-    how = ""
+    samples = f"or the name of a sample ({', '.join(names)})"
     if path.exists():
-        found = "is not a folder"
-        how = f" ({HOW_TO_IMPORT})"
-    expected = f"a campaign folder{how} or the name of a sample ({', '.join(names)})"
-    raise InputError(f"{path}: {found}; expected {expected}.")
+        raise InputError(
+            f"{path}: is not a folder; expected a campaign folder ({HOW_TO_IMPORT}) "
+            f"{samples}."
+        )
+    raise InputError(f"{path}: does not exist; expected a campaign folder {samples}.")
 
 
 def copy_sample(name: str, out: Path) -> None:
@@ -78,7 +91,10 @@ def copy_sample(name: str, out: Path) -> None:
 
 
 def _unpacked(archive: Path) -> Path:
-    """Folder of a sample, which is unpacked once."""
+    """Folder of a sample in the cache, which is unpacked once for each content.
+
+    It is unpacked beside its place and renamed: no other process finds half of it.
+    """
     digest = hashlib.sha256(archive.read_bytes()).hexdigest()[:12]
     place = cache_folder() / _FOLDER / digest / archive.stem
     if not place.is_dir():

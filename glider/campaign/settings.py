@@ -1,6 +1,10 @@
 """Schema of campaign.yaml and of a MAP file: a vehicle, and how its logs are mapped.
 
-A mapping: which columns of a log are which quantities, in which units and axes.
+Both files have the fields of `Settings`. `vehicle:`, the rates, `servo:` and `notes:`
+make a `Campaign` without flights. The others make a `ColumnMapping`: which columns of a
+log are which quantities, in which units and axes. A file without them is of logs in the
+columns of a campaign, in SI units. Values are checked when a schema is filled; the
+errors name the field.
 """
 
 import dataclasses
@@ -68,6 +72,12 @@ class Markers:
 
     With left and right the roll is known, too; without them it is taken for zero. Of a
     video they have two axes, and no left and right.
+
+    Attributes:
+        nose: columns of a point at the nose.
+        tail: columns of one behind it.
+        left: columns of one at the left wing tip.
+        right: columns of one at the right wing tip.
     """
 
     nose: Names
@@ -78,10 +88,13 @@ class Markers:
     def __post_init__(self):
         """Raises InputError where one wing tip is missing."""
         if (self.left is None) != (self.right is None):
-            one = "columns: attitude has one of 'left' and 'right'"
-            raise InputError(f"{one}; expected both, or neither.")
+            raise InputError(
+                "columns: attitude has one of 'left' and 'right'; expected both, or "
+                "neither."
+            )
 
 
+# The parameters of GliderParameters as optional fields: None is unknown.
 _Known: Any = dataclasses.make_dataclass(
     "_Known",
     [(name, float | None, None) for name in PARAMETER_NAMES],
@@ -94,7 +107,14 @@ _Known: Any = dataclasses.make_dataclass(
 class Frame:
     """Axes and signs of a log; "" stands for those of the preset `axes`.
 
-    What the fields mean is in FRAME_CHOICES; `rotation` is how an attitude is logged.
+    FRAME_CHOICES has the values of the fields that are not below, and what they mean.
+
+    Attributes:
+        axes: preset, "NED" or "ENU".
+        forward: None and "throw": along each flight.
+        rotation: how an attitude is logged: an order of Euler angles or of the numbers
+            of a quaternion, or "rotation_vector"; None: as the format has it.
+        tracked_point: ahead of and above the mass center [m].
     """
 
     axes: str = "ENU"
@@ -110,27 +130,51 @@ class Frame:
 
     def __post_init__(self):
         """Fills in the preset; InputError for what cannot be."""
-        presets = "NED, ENU, or the axes by name: up, forward, nose, top"
-        expect(self.axes in _PRESETS, "frame: field 'axes'", self.axes, presets)
-        for name, value in (_PRESETS[self.axes] | {"command": self.elevator}).items():
-            if not getattr(self, name) and name != "pitch":
+        expect(
+            self.axes in _PRESETS,
+            "frame: field 'axes'",
+            self.axes,
+            "NED, ENU, or the axes by name: up, forward, nose, top",
+        )
+        preset = _PRESETS[self.axes] | {"command": self.elevator}
+        del preset["pitch"]  # That of a column `pitch` alone, see `usual_pitch`.
+        for name, value in preset.items():
+            if not getattr(self, name):
                 object.__setattr__(self, name, value)
         for name, (values, meaning) in FRAME_CHOICES.items():
             value = getattr(self, name) or values[0]
-            expected = f"{meaning}, one of {', '.join(values)}"
-            expect(value in values, f"frame: field '{name}'", value, expected)
+            expect(
+                value in values,
+                f"frame: field '{name}'",
+                value,
+                f"{meaning}, one of {', '.join(values)}",
+            )
         turn = self.rotation or "wxyz"
-        known = turn in _ROTATIONS or "".join(sorted(turn)) in ("XYZ", "xyz")
-        expected = f"an order of Euler angles, as ZYX, or {', '.join(_ROTATIONS)}"
-        expect(known, "frame: field 'rotation'", turn, expected)
+        expect(
+            turn in _ROTATIONS or "".join(sorted(turn)) in ("XYZ", "xyz"),
+            "frame: field 'rotation'",
+            turn,
+            f"an order of Euler angles, as ZYX, or {', '.join(_ROTATIONS)}",
+        )
+        self._check_axes()
+
+    def _check_axes(self) -> None:
+        """Refuses two directions along one axis, and a point without two numbers."""
         for one, other in (("up", "forward"), ("nose", "top")):
             axes = [getattr(self, one), getattr(self, other) or "throw"]
-            what = f"frame: [{one}, {other}]"
-            expect(axes[0][-1] != axes[1][-1], what, axes, "two different axes")
+            expect(
+                axes[0][-1] != axes[1][-1],
+                f"frame: [{one}, {other}]",
+                axes,
+                "two different axes",
+            )
         point = self.tracked_point
-        expected = "[ahead, above] of the mass center in m"
-        known = len(point) == 2 and all(map(math.isfinite, point))
-        expect(known, "frame: field 'tracked_point'", point, expected)
+        expect(
+            len(point) == 2 and all(map(math.isfinite, point)),
+            "frame: field 'tracked_point'",
+            point,
+            "[ahead, above] of the mass center in m",
+        )
 
     @property
     def usual_pitch(self) -> str:
@@ -139,11 +183,18 @@ class Frame:
 
     @property
     def turns_pitch(self) -> bool:
-        """Whether Euler angles' pitch is the opposite of a turn about the body's y."""
+        """Whether Euler angles' pitch is the opposite of a turn about the body's y.
+
+        A turn about y moves the nose along y × nose: up or down, by where the top is.
+        """
         nose_moves = np.cross(unit_vector("y"), unit_vector(self.nose))
         up = float(nose_moves @ unit_vector(self.top))
-        axes = "nose and top along x and z of the body"
-        expect(up or not self.pitch, "frame: field 'pitch'", self.pitch, axes)
+        expect(
+            up or not self.pitch,
+            "frame: field 'pitch'",
+            self.pitch,
+            "nose and top along x and z of the body",
+        )
         return self.pitch not in ("", "nose_up" if up > 0.0 else "nose_down")
 
     @property
@@ -156,14 +207,24 @@ class Frame:
 
 @dataclasses.dataclass(frozen=True)
 class ColumnMapping:
-    """How a log becomes flights."""
+    """How a log becomes flights.
 
-    source: str  #: The file that says so.
-    columns: dict[str, Names | Markers]  #: By quantity.
-    units: dict[str, Unit]  #: By quantity or kind.
+    Attributes:
+        source: the file that says so.
+        columns: names of a log's columns, by quantity.
+        units: by quantity, or by kind of quantity.
+        frame: axes and signs.
+        clock: "same", "find", or how far the servo's is ahead of the poses' [s]; None:
+            "find" where they differ in the files.
+        join: patterns of files that make one recording.
+    """
+
+    source: str
+    columns: dict[str, Names | Markers]
+    units: dict[str, Unit]
     frame: Frame
-    clock: str | float | None  #: "same", "find", an offset [s]; None: by the files.
-    join: tuple[str, ...]  #: Patterns of files that make one recording.
+    clock: str | float | None
+    join: tuple[str, ...]
 
 
 def unit_vector(axis: str) -> np.ndarray:
@@ -174,7 +235,14 @@ def unit_vector(axis: str) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Vehicle(_Known):
-    """What is known of a glider, in SI units; None: unknown."""
+    """What is known of a glider, in SI units: its parameters, and its elevator.
+
+    Attributes:
+        elevator_limits: trailing edge down and up [rad]; None: unknown.
+        elevator_rate_limit: [rad/s]; None: unknown.
+        elevator: "servo", or "fixed" at an unknown angle, which is the same in all
+            flights or "fixed_per_flight".
+    """
 
     elevator_limits: list[float] | None = None
     elevator_rate_limit: float | None = None
@@ -183,18 +251,31 @@ class Vehicle(_Known):
     def __post_init__(self):
         """Raises InputError where a value cannot be."""
         kinds = ("servo", "fixed", "fixed_per_flight")
-        known = self.elevator in kinds
-        expect(known, "field 'elevator' of vehicle", self.elevator, ", ".join(kinds))
-        names = (*PARAMETER_NAMES, "elevator_limits", "elevator_rate_limit")
-        given = {name: getattr(self, name) for name in names}
-        given = {name: value for name, value in given.items() if value is not None}
+        expect(
+            self.elevator in kinds,
+            "field 'elevator' of vehicle",
+            self.elevator,
+            ", ".join(kinds),
+        )
+        fields = dataclasses.asdict(self)
+        del fields["elevator"]
+        given = {name: value for name, value in fields.items() if value is not None}
         check_parameters(given)
         check_units(given)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Fields of campaign.yaml, or of a MAP file."""
+    """Fields of campaign.yaml, or of a MAP file.
+
+    Attributes:
+        vehicle: what is known of the glider.
+        pose_rate: of the cameras [Hz]; None: as the logs show.
+        command_rate: at which commands change [Hz]; None: they change at rows.
+        servo: how the columns of a servo were made.
+        notes: of an import.
+        columns, units, frame, clock, join: see `ColumnMapping`.
+    """
 
     vehicle: Vehicle = Vehicle()
     pose_rate: float | None = None
@@ -208,25 +289,31 @@ class Settings:
     join: list[str] | None = None
 
     def __post_init__(self):
-        """Raises InputError where a value cannot be."""
+        """Raises InputError where a value cannot be; makes a frame of a preset."""
         for name in ("pose_rate", "command_rate"):
             rate = getattr(self, name)
-            known = rate is None or 0 < rate < math.inf
-            expect(known, f"field '{name}'", rate, "a positive number of Hz")
-        number = isinstance(self.clock, float) and math.isfinite(self.clock)
-        known = number or self.clock in (None, "same", "find")
-        expected = (
+            expect(
+                rate is None or 0 < rate < math.inf,
+                f"field '{name}'",
+                rate,
+                "a positive number of Hz",
+            )
+        is_number = isinstance(self.clock, float) and math.isfinite(self.clock)
+        expect(
+            is_number or self.clock in (None, "same", "find"),
+            "field 'clock'",
+            self.clock,
             "'same', 'find', or how many seconds the elevator's clock is ahead of that "
-            "of the poses"
+            "of the poses",
         )
-        expect(known, "field 'clock'", self.clock, expected)
         join = self.join or ["*", "*"]
-        known = len(join) > 1 and all(pattern.count("*") == 1 for pattern in join)
-        expected = (
+        expect(
+            len(join) > 1 and all(pattern.count("*") == 1 for pattern in join),
+            "field 'join'",
+            join,
             "two or more names of files with one * each: those with the same text for "
-            "* are one recording"
+            "* are one recording",
         )
-        expect(known, "field 'join'", join, expected)
         if isinstance(self.frame, str):
             object.__setattr__(self, "frame", Frame(axes=self.frame))
         for name, unit in (self.units or {}).items():
@@ -236,13 +323,17 @@ class Settings:
         _check_columns(self.columns or {})
 
     def campaign(self, folder: Path) -> Campaign:
-        """Campaign without flights."""
-        known = {name: getattr(self.vehicle, name) for name in PARAMETER_NAMES}
+        """Returns the campaign without flights, which has the folder's name."""
+        vehicle = {}
+        for name in PARAMETER_NAMES:
+            value = getattr(self.vehicle, name)
+            if value is not None:
+                vehicle[name] = float(value)
         limits = self.vehicle.elevator_limits
         return Campaign(
             name=folder.resolve().name,
             path=folder,
-            vehicle={n: float(v) for n, v in known.items() if v is not None},
+            vehicle=vehicle,
             elevator=self.vehicle.elevator,
             elevator_limits=(limits[0], limits[1]) if limits else None,
             elevator_rate_limit=self.vehicle.elevator_rate_limit,
@@ -254,7 +345,10 @@ class Settings:
         )
 
     def mapping(self, source: str) -> ColumnMapping | None:
-        """How logs are mapped; None where no field says so."""
+        """Returns how logs are mapped; None where no field says so.
+
+        `source` names the file in messages.
+        """
         parts = (self.columns, self.units, self.frame, self.clock, self.join)
         if all(part is None for part in parts):
             return None
@@ -274,23 +368,32 @@ def _check_columns(columns: dict[str, Names | Markers]) -> None:
     known = [*QUANTITIES, "flight"]
     for name, value in columns.items():
         expect(name in known, "field of columns", name, ", ".join(known))
-        is_list = isinstance(value, list) and name in ("time", "position", "attitude")
-        fits = isinstance(value, str) or is_list or name == "attitude"
+        fits = isinstance(value, str) or name == "attitude"
+        if isinstance(value, list):
+            fits = name in ("time", "position", "attitude")
         expect(fits, f"columns: field '{name}'", value, "the name of a column")
     beside = INSTEAD | {"elevator_rate_command": "elevator_angle_command"}
     for name in sorted(columns):
-        why = f"beside '{beside[name]}'" if beside.get(name) in columns else ""
-        if name in ("roll", "yaw") and not columns.keys() >= {*EULER}:
-            why = why or "without all of roll, pitch and yaw"
+        why = ""
+        if name in ("roll", "yaw") and not columns.keys() >= set(EULER):
+            why = "without all of roll, pitch and yaw"
+        if beside.get(name) in columns:
+            why = f"beside '{beside[name]}'"
         if why:
-            words = f"columns: '{name}' has no effect {why}; expected no such field."
-            raise InputError(words)
+            raise InputError(
+                f"columns: '{name}' has no effect {why}; expected no such field."
+            )
     named = [show(own) for q, own in columns.items() if q != "elevator_angle_command"]
     for own in named:
         expect(named.count(own) == 1, "columns: two quantities", own, "two columns")
 
 
 def read_settings(file: Path) -> tuple[Campaign, ColumnMapping | None]:
-    """Reads a campaign without flights, and how its logs are mapped if they are."""
+    """Reads a campaign.yaml or a MAP file.
+
+    Returns:
+        The campaign without flights, and how its logs are mapped; None: they are in a
+        campaign's own columns.
+    """
     settings = schema.load_yaml(Settings, file, "a campaign.yaml or a MAP file")
     return settings.campaign(file.parent), settings.mapping(str(file))

@@ -1,4 +1,7 @@
-"""Angles that were logged with the other sign, turned back."""
+"""Angles that were logged with the other sign, turned back.
+
+The effect ANGLE_SIGN of a model says which signs its logs have.
+"""
 
 import dataclasses
 
@@ -11,13 +14,21 @@ from glider.physics.model import GliderModel
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Signs:
-    """The signs of the logged pitch, elevator and command, and their evidence."""
+    """The signs of the logged pitch, elevator and command, and their evidence.
 
-    pitch: int = 1  #: +1, or -1 where the log has the other sign.
-    elevator: int = 1  #: Likewise.
-    command: int = 1  #: Likewise.
-    evidence: float = 0.0  #: Log-likelihood gained by them [nats].
-    share: float = 0.0  #: Of the error that they remove.
+    Attributes:
+        pitch: +1, or -1 where the log has the other sign.
+        elevator: likewise.
+        command: likewise.
+        evidence: log-likelihood gained by them [nats].
+        share: of the error that they remove.
+    """
+
+    pitch: int = 1
+    elevator: int = 1
+    command: int = 1
+    evidence: float = 0.0
+    share: float = 0.0
 
     @property
     def are_right(self) -> bool:
@@ -27,25 +38,32 @@ class Signs:
     @property
     def effect(self) -> Effect:
         """The signs as an effect of a model."""
-        names = (c.name for c in ANGLE_SIGN.coefficients)
-        return ANGLE_SIGN(**{name: float(getattr(self, name)) for name in names})
+        return ANGLE_SIGN(
+            pitch=float(self.pitch),
+            elevator=float(self.elevator),
+            command=float(self.command),
+        )
 
 
 def turn(flight: Flight, signs: Signs) -> Flight:
     """Returns the flight with wrong signs undone."""
-    factors = {
-        "pose": np.array([1.0, 1.0, signs.pitch]),
-        "elevator": signs.elevator,
-        "command": signs.command,
-    }
-    logged = {name: getattr(flight, name) for name in factors}
-    turned = {n: v * factors[n] for n, v in logged.items() if v is not None}
-    return dataclasses.replace(flight, **turned)
+    elevator = flight.elevator
+    if elevator is not None:
+        elevator = elevator * signs.elevator
+    command = flight.command
+    if command is not None:
+        command = command * signs.command
+    return dataclasses.replace(
+        flight,
+        pose=flight.pose * np.array([1.0, 1.0, signs.pitch]),
+        elevator=elevator,
+        command=command,
+    )
 
 
 def turn_campaign(campaign: Campaign, signs: Signs) -> Campaign:
     """Returns the campaign with wrong signs undone."""
-    flights = tuple(turn(f, signs) for f in campaign.flights)
+    flights = tuple(turn(flight, signs) for flight in campaign.flights)
     return dataclasses.replace(campaign, flights=flights)
 
 

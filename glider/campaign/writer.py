@@ -1,4 +1,7 @@
-"""Writes campaign folders that `glider.campaign.reader` reads."""
+"""Writes campaign folders that `glider.campaign.reader` reads.
+
+What is unknown, or as it is by default, is omitted from campaign.yaml.
+"""
 
 import dataclasses
 import io
@@ -26,6 +29,9 @@ def save_campaign(
         path: of the folder.
         campaign: to write; its path is not used.
         more: texts of other files, by name.
+
+    Raises:
+        InputError: the folder has flights that are not of this campaign.
     """
     path = Path(path)
     names = {flight.name for flight in campaign.flights}
@@ -55,7 +61,10 @@ def save_campaign(
 
 
 def flight_csv(flight: Flight) -> bytes:
-    """CSV of a flight in nine digits, times in 15; angles of a tumble are in ±π."""
+    """Returns the CSV of a flight, with its names of columns in the first line.
+
+    Numbers have nine digits, times 15. Angles of a tumble are in ±π.
+    """
     x, z, pitch = flight.pose.T
     names = logs.POSE_COLUMNS
     columns = [flight.time, x, z, _wrap(pitch)]

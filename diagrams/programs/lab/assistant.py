@@ -88,7 +88,7 @@ class MapJob:
 
     def _check(self, text: str) -> Draft:
         """Draws the flights as a map reads them, then checks them against it."""
-        from glider.campaign.importing import campaign_import
+        from glider.campaign.importing import campaign_import, joining
         from glider.campaign.settings import read_settings
         from glider.progress import silent
         from glider.report.import_figure import save_import_figure
@@ -102,7 +102,7 @@ class MapJob:
             raise InputError("The map has no 'columns:'; expected those of the takes.")
 
         def cut(files: list[Path]) -> tuple[list[Path], Campaign]:
-            recordings = campaign_import.read_logs(files, claim, silent)
+            recordings = joining.read_logs(files, claim, silent)
             found = campaign_import.cut_recordings(recordings, claim, settings)
             return files, found.campaign
 

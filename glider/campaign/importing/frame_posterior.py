@@ -24,8 +24,9 @@ from scipy.special import softmax
 
 from glider.campaign.checks.motion import SPAN, calc_motion
 from glider.campaign.importing.cutting import cut
+from glider.campaign.importing.picking import make_track
 from glider.campaign.importing.recording import Recording
-from glider.campaign.importing.track import make_track, turn_along
+from glider.campaign.importing.track import turn_along
 from glider.campaign.settings import AXES, ColumnMapping, unit_vector
 from glider.physics.parameters import GliderParameters
 

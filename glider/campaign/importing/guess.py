@@ -20,12 +20,9 @@ import yaml
 from glider.campaign.checks.forces import fit_elevator, measure_motions
 from glider.campaign.checks.frame import SIGNIFICANT, check_signs
 from glider.campaign.checks.servo import follow_sign, measure_elevators
-from glider.campaign.importing.campaign_import import (
-    as_files,
-    cut_recordings,
-    read_logs,
-)
+from glider.campaign.importing.campaign_import import cut_recordings
 from glider.campaign.importing.frame_posterior import rank_frames
+from glider.campaign.importing.joining import as_files, read_logs
 from glider.campaign.importing.readers import read_recordings
 from glider.campaign.importing.recording import UNITS, Recording, split_suffix
 from glider.campaign.importing.splitting import split_flights

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from glider.campaign.importing.campaign_import import read_flights
+from glider.campaign.importing.picking import make_track
 from glider.campaign.importing.readers import read_recording
 from glider.campaign.importing.recording import Column, Group, Recording
-from glider.campaign.importing.track import make_track
 from glider.campaign.settings import Settings
 from glider.errors import InputError
 from glider.files import schema

@@ -13,7 +13,7 @@ import yaml
 
 from glider.__main__ import main
 from glider.campaign.checks.frame import check_signs
-from glider.campaign.importing import campaign_import, readers
+from glider.campaign.importing import campaign_import, joining, readers
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.cutting import cut
 from glider.campaign.importing.guess import guess_mapping
@@ -131,7 +131,7 @@ def wrong_maps(text):
 def files_are_read_once(monkeypatch):
     """For tests of what many maps make of the same files."""
     once = functools.cache(readers.read_recordings)
-    for module in (campaign_import, readers):
+    for module in (joining, readers):
         monkeypatch.setattr(module, "read_recordings", once)
     monkeypatch.setattr(campaign_import, "advise", lambda error, *_: error)
 
