@@ -102,7 +102,17 @@ def _read_file(path: str) -> _Content:
 
 
 def _make_times(path: Path, parameters: _Parameters, kind: str, rows: int) -> Column:
-    """Times of rows (n,) [s] by the rate of points or channels, from zero."""
+    """Makes the column of the times of rows (n,), from zero [s].
+
+    Args:
+        path: of the file, for messages.
+        parameters: of the file.
+        kind: POINT or ANALOG, whose rate counts.
+        rows: their number.
+
+    Raises:
+        InputError: there is no rate, or none that is positive and finite.
+    """
     rates = parameters.get(f"{kind}:RATE") or [0.0]
     rate = float(rates[0])
     expect(0.0 < rate < np.inf, f"{path}: {kind}:RATE", rate, "a positive rate in Hz")
@@ -114,8 +124,8 @@ def _label(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Yields each point or channel with its label.
 
-    Its number is added to a label that another one before it has, and stands for a
-    label that is missing: "Point_3".
+    Its number is added to a label that one before it has, and to the name of the group
+    where it has no label: "Point_3".
     """
     labels = [str(label).strip() for label in parameters.get(f"{group}:LABELS", [])]
     labels += [""] * len(items)
