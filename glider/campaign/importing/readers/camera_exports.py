@@ -3,8 +3,9 @@
 A column is named BODY.Position.X, BODY.Rotation.X (quaternions have a W, matrices are
 BODY.Rotation[0] to [8], row by row), or MARKER.Position.X.
 
-The parser of each system turns the rows of its header into one head per column, our
-name and the unit, and leaves the rows of numbers to the reader of text tables.
+Each system has a parser that finds the name and unit of every column in the header;
+`_make_columns` then reads the rows of numbers. Many cells of the headers are blank: a
+body is named in the first of its columns only, except by Motive.
 """
 
 import itertools
@@ -24,17 +25,18 @@ from glider.campaign.importing.recording import Column, Group, Recording, spell
 from glider.errors import InputError
 
 _TIME = "Time"
-_AXES = ("X", "Y", "Z", "W")
 
+# Vicon: titles of sections, and names of axes. Nexus writes TX, Tracker X.
 _SECTIONS = ("Trajectories", "Objects", "Segments", "Model Outputs", "Joints")
-_PARTS = {"R": "Rotation", "T": "Position", "": "Position"}  # Nexus writes TX.
+_PARTS = {"R": "Rotation", "T": "Position", "": "Position"}
 _VICON_AXIS = re.compile(r"([RT]?)([XYZW])")
 
+# QTM: what a row of the header begins with; units and our names of a body's columns.
 _QTM_KEY = re.compile(r"[A-Z][A-Z_]+")
 _QTM_UNITS = dict.fromkeys("XYZ", "mm") | dict.fromkeys(("Roll", "Pitch", "Yaw"), "deg")
 _QTM_PARTS = {axis: f"Position.{axis}" for axis in "XYZ"}
 _QTM_PARTS |= {f"Rot[{k}]": f"Rotation[{3 * (k % 3) + k // 3}]" for k in range(9)}
-"""Our names; QTM writes matrices column by column."""
+"""QTM writes matrices column by column."""
 
 _Rows = list[list[str]]
 _Columns = dict[str, Column]
@@ -89,17 +91,26 @@ def _make_columns(
 
 
 def _parse_motive(path: Path, rows: _Rows) -> Recording:
-    """Parses an export of Motive.
+    """Parses an export of Motive: facts in pairs, then a header of several rows.
 
-    Its first row has facts as pairs of key and value. The last rows of the header are
-    the names of bodies and markers, their numbers, "Position" or "Rotation", and the
-    axes; the units follow from the facts. Angles are in degrees.
+        Format Version,1.24,Rotation Type,Quaternion,Length Units,Millimeters,...
+        ,Type,Rigid Body,...
+        ,Name,Glider,Glider,Glider,Glider,Glider,...
+        ,ID,1,1,1,1,1,...
+        ,,Rotation,Rotation,Rotation,Rotation,Position,...
+        Frame,Time (Seconds),X,Y,Z,W,X,...
+
+    Euler angles are in degrees.
+
+    Raises:
+        InputError: there is no row of names or axes, or no column of times.
     """
     facts = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     order = facts.get("Rotation Type", "").upper()
     length_unit = spell(facts.get("Length Units", ""))
     angle_unit = None if order == "QUATERNION" else "deg"
 
+    # The row of axes, the last of the header; and that of the bodies, above it.
     last = next((i for i, row in enumerate(rows) if row[:1] == ["Frame"]), 0)
     bodies = next((row for row in rows[:last] if row[1:2] == ["Name"]), None)
     if bodies is None or len(rows[last]) < 2:
@@ -107,13 +118,12 @@ def _parse_motive(path: Path, rows: _Rows) -> Recording:
 
     heads = []
     for body, part, axis in zip(bodies, rows[last - 1], rows[last], strict=False):
-        name = f"{body}.{part}.{axis}" if axis in _AXES else ""
+        name = f"{body}.{part}.{axis}" if axis in ("X", "Y", "Z", "W") else ""
         heads.append((name, length_unit if part == "Position" else angle_unit))
     heads[:2] = [("", None), (_TIME, "s")]  # Numbers of frames, and times.
 
-    columns = _make_columns(rows, last + 1, heads)
+    table = Group("", _make_columns(rows, last + 1, heads), _TIME)
     is_euler = sorted(order) == ["X", "Y", "Z"]
-    table = Group("", columns, _TIME)
     return Recording(path, (table,), order if is_euler else "", up="y")
 
 
@@ -135,8 +145,16 @@ def _parse_vicon(path: Path, rows: _Rows) -> Recording:
 def _parse_section(path: Path, rows: _Rows, start: int) -> _Columns:
     """Parses the section that begins at a row and goes on to the last row.
 
-    Under its title are four rows: the rate of frames [Hz], the names of bodies, those
-    of axes (RX, TX or X), and units. Each body is named above its first column only.
+        Objects
+        200
+        ,,Global Angle Glider,,,,,,Global Angle Wand,...
+        Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ,RX,...
+        ,,deg,deg,deg,mm,mm,mm,deg,...
+
+    The second row is the rate of frames [Hz], from which the times follow.
+
+    Raises:
+        InputError: there is no rate, or the header is not complete.
     """
     header = rows[start + 1 : start + 5]
     rate = 0.0
@@ -167,8 +185,17 @@ def _parse_section(path: Path, rows: _Rows, start: int) -> _Columns:
 def _parse_qtm(path: Path, rows: _Rows) -> Recording:
     """Parses a TSV of QTM: rows of a key and values, a row of names, numbers in mm.
 
+        NO_OF_FRAMES  103
+        FREQUENCY  120
+        BODY_NAMES  Glider  Wand
+        Frame  Time  Glider X  Y  Z  Roll  Pitch  Yaw  Residual  Rot[0]  ...
+
     The attitude of bodies is their matrix: the meaning of BODY.Roll, Pitch and Yaw is a
     setting of QTM.
+
+    Raises:
+        InputError: there are no bodies or markers, no names of columns, or neither
+            times nor a rate.
     """
     first = next(
         (i for i, row in enumerate(rows) if row and not _QTM_KEY.fullmatch(row[0])),
@@ -182,7 +209,6 @@ def _parse_qtm(path: Path, rows: _Rows) -> Recording:
     owner = ""
     heads = []
     for cell in rows[first]:
-        # Each body is named before its first part only: "glider X", "Y", "Z".
         before, _, part = cell.rpartition(" ")
         owner = before or owner
         name = f"{owner}.{_QTM_PARTS.get(part, part)}" if owner else cell
@@ -196,7 +222,7 @@ def _parse_qtm(path: Path, rows: _Rows) -> Recording:
             raise _refuse(path, "QTM", "times, or a FREQUENCY in Hz")
         columns[_TIME] = Column(np.arange(table.rows) / rate, "s")
 
-    # A residual of -1 marks a row in which a body was not seen.
+    # A body was not seen in the rows in which its residual is -1.
     for name, column in columns.items():
         body = name.partition(".")[0]
         residual = columns.get(f"{body}.Residual")
