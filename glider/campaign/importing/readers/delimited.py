@@ -74,8 +74,16 @@ def parse(path: Path, text: str) -> Recording:
     The header is what stands before the first of the rows of numbers: its last row
     has the names, unless that is a row of units. A unit may also stand in a name:
     "pitch [deg]", "x (mm)", "pitch_deg". Names that repeat get that of their group, in
-    the row above, before them: "Position.x". A header may stand again between rows.
-    A # or % before the first name is none of it. A header may have its own separator.
+    the row above, before them. So the columns of
+
+        ,Position,,Rate,
+        t,x,z,x,z
+        s,m,m,deg/s,deg/s
+        0.00,1.5,2.0,0.1,0.2
+
+    are t, Position.x, Position.z, Rate.x and Rate.z. A header may stand again between
+    rows. A # or % before the first name is none of it. A header may have its own
+    separator.
 
     Raises:
         InputError: there are no rows of numbers, no names above them, or rows of
@@ -105,11 +113,13 @@ def parse(path: Path, text: str) -> Recording:
             "numbers; expected a row with the names of the columns above it."
         )
 
-    header.insert(0, [""] * width)  # What is above a header of one row.
+    # Above a header of one row all cells are blank, as are units that it does not have.
+    header.insert(0, [""] * width)
     units = header[0]
     if _are_units(header[-1], header[-2]):
         units = header.pop()
 
+    # Rows of numbers, without headers that stand again between them.
     repeated = [row for row in rows[:first] if any(row)]
     data = [(i, row) for i, row in number_rows(rows, first) if row not in repeated]
     for i, row in data:
@@ -119,8 +129,8 @@ def parse(path: Path, text: str) -> Recording:
                 "as in the rows before."
             )
     columns = _make_columns(header[-1], header[-2], units, data)
-    table = Group("", columns, lines=[i for i, _ in data])
-    return Recording(path, (table,))
+    lines_of_rows = [i for i, _ in data]
+    return Recording(path, (Group("", columns, lines=lines_of_rows),))
 
 
 def _make_columns(
@@ -177,6 +187,12 @@ def number_rows(rows: _Rows, first: int) -> NumberedRows:
 def make_column(name: str, rows: NumberedRows, j: int, unit: str | None) -> Column:
     """Makes a column of the j-th cells of rows.
 
+    Args:
+        name: of the column, for the message of a fault.
+        rows: those of numbers; a short one lacks the cell.
+        j: index of the column in them.
+        unit: of the numbers, where it is known.
+
     Returns:
         Numbers in the unit, NaN where a cell is missing or says so. If there are dates
         or times of a clock instead, seconds since the first of them. If a cell is
@@ -216,7 +232,11 @@ def to_number(cell: str) -> float:
 
 
 def _split_unit(name: str) -> tuple[str, str | None]:
-    """A name without the unit in brackets, and the unit that it has."""
+    """A name without the unit in brackets, and the unit that it has.
+
+    Brackets may also say that there is no unit: "x [-]". Other words in brackets are a
+    part of the name.
+    """
     match = _UNIT_IN_NAME.match(name)
     if match:
         bare, word = match.groups()
@@ -245,7 +265,10 @@ def _find_delimiter(lines: Sequence[str]) -> str:
 
 
 def _first_data_row(rows: _Rows) -> int | None:
-    """Index of the first row of numbers that is followed by some more like it."""
+    """Index of the first of `_MIN_ROWS` rows of numbers that are equally long.
+
+    None where there are no such rows. A single row of numbers may belong to a header.
+    """
     for i in range(len(rows) - _MIN_ROWS + 1):
         few = rows[i : i + _MIN_ROWS]
         width = len(few[0])
@@ -256,26 +279,28 @@ def _first_data_row(rows: _Rows) -> int | None:
 
 def _has_numbers(row: _Row) -> bool:
     """Whether at least half of the filled cells of a row are numbers."""
-    filled = sum(map(bool, row))
-    return filled > 0 and 2 * _count_numbers(row) >= filled
+    filled = [cell for cell in row if cell]
+    return 0 < len(filled) <= 2 * _count_numbers(row)
 
 
 def _are_units(row: _Row, names: _Row) -> bool:
-    """Whether a row under names has their units; some may be unknown, such as V."""
+    """Whether a row under names has their units.
+
+    Most of its cells must be known units; others may be unknown, such as V. Cells that
+    are blank, or say that there is no unit, do not count.
+    """
     cells = [cell for cell in row if cell.strip(" []()") not in ("", "-", "1")]
-    known = sum(spell(cell) is not None for cell in cells)
-    named = sum(map(bool, names))
-    return 2 * known > len(cells) and named >= len(cells)
+    known = [cell for cell in cells if spell(cell)]
+    named = [name for name in names if name]
+    return 2 * len(known) > len(cells) and len(named) >= len(cells)
 
 
 def _count_numbers(row: _Row) -> int:
     """How many cells of a row are numbers or times."""
-    numbers = [
-        cell
+    return sum(
+        not math.isnan(to_number(cell)) or not math.isnan(_instant(cell))
         for cell in row
-        if not math.isnan(to_number(cell)) or not math.isnan(_instant(cell))
-    ]
-    return len(numbers)
+    )
 
 
 def _instant(cell: str) -> float:
