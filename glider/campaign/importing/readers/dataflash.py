@@ -32,6 +32,8 @@ def is_one(path: Path) -> bool:
 def read(path: Path) -> Recording:
     """Reads the messages that have times, each type and instance a group.
 
+    A field without a number in any message, as of texts, is no column.
+
     Raises:
         InputError: no message has a time.
     """

@@ -1,4 +1,8 @@
-"""Arrays as columns, and those of MATLAB's .mat files."""
+"""Arrays as columns, and those of MATLAB's .mat files.
+
+`to_columns` serves tables in memory, such as data frames; `read_mat` searches the
+variables of a file, and the structs and cells in them, for vectors and narrow matrices.
+"""
 
 import warnings
 from collections import defaultdict
@@ -45,7 +49,9 @@ def to_columns(name: str, values: Any) -> dict[str, Column]:
         return {name: Column(seconds, "s")}
     if is_number:
         return {label: Column(vector) for label, vector in _vectors(name, array)}
-    rows = []  # Texts, dates or numbers of any kind.
+
+    # Texts, dates or numbers of any kind are read as the cells of a text table.
+    rows = []
     for i, cell in enumerate(array.ravel().tolist()):
         is_date = hasattr(cell, "isoformat")
         text = cell.isoformat() if is_date else str(cell).strip()
@@ -65,12 +71,13 @@ def read_mat(path: Path) -> list[Recording]:
     """
     arrays = list(_arrays("", 0, _load_mat(path)))
     cells = {cell for cell, _, _ in arrays if cell}
+
     recordings = []
     for cell in sorted(cells) or [0]:
-        # Vectors of a struct that have the same length are a group.
+        # The vectors of a struct that have the same length are a group.
         columns: dict[tuple[str, int], dict[str, Column]] = defaultdict(dict)
         for own, name, array in arrays:
-            if own in (0, cell):
+            if own in (0, cell):  # What is in no cell belongs to all recordings.
                 struct, _, last = name.rpartition(".")
                 for label, values in _vectors(last, array):
                     columns[struct, len(values)][label] = Column(values)
@@ -107,10 +114,16 @@ def _load_mat(path: Path) -> dict[str, Any]:
 
 
 def _arrays(name: str, cell: int, content: object) -> Iterator[_Array]:
-    """Yields the arrays of numbers in a variable, field or cell.
+    """Yields the arrays of numbers in a variable, a field or a cell.
 
-    Outside of cells an array counts if it is as long as a flight; cells count if one
-    of their arrays is.
+    An array that is in no cell counts if it is as long as a flight; those in cells
+    count if one of them is.
+
+    Args:
+        name: of the variable, with those of its fields after dots; "" for all
+            variables.
+        cell: number of the cell that it is in, from 1; 0 if it is in none.
+        content: numbers, a struct as a dict, cells as a list or an array of objects.
     """
     if isinstance(content, dict):
         # pymatreader's order of names changes from run to run.
@@ -135,9 +148,11 @@ def _is_long(array: np.ndarray) -> bool:
 
 
 def _vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Yields a vector (n,), or the columns of a matrix of few columns, with names.
+    """Yields the columns of an array by name.
 
-    Of rotations (3, 3, n) or (n, 3, 3) it has nine, row by row.
+    A vector is one column. A matrix of up to `_WIDEST` columns gives name[0], name[1],
+    ...; it is turned if it has few rows and many columns. Rotations (3, 3, n) or
+    (n, 3, 3) give nine columns, row by row. Other arrays give none.
     """
     array = array.squeeze()
     if array.shape[:-1] == (3, 3):
