@@ -6,9 +6,11 @@ MCAP files and bags the time of a row is the message's own stamp where it has on
 otherwise when it was recorded. Where a message has an array of bodies with names, as in
 /tf, those of each are TOPIC[NAME].FIELD.
 
-pyulog gives the columns of a ULog at once. The readers of MCAP files and bags yield
-messages, objects with fields; `_collect` makes a row of numbers of each, and of each
-body in it, and a group of the rows of each topic and body.
+pyulog gives the columns of a ULog at once. From MCAP files and bags messages come one
+by one: dicts, or dataclasses of rosbags, nested to any depth. `_collect` flattens each
+to a row of numbers, and the rows of a topic become a group. A message, or an element of
+its arrays, that has a name (or a number `id`) is about a body; such rows are collected
+by body as well, because the messages of a topic may be of several bodies in turn.
 """
 
 import dataclasses
@@ -72,9 +74,16 @@ def read_ulog(path: Path) -> Recording:
 
 
 def _find_known(names: list[str], parameters: dict[str, Any]) -> dict[str, str]:
-    """Addresses of the quantities that a log of PX4 has.
+    """Finds the columns of the quantities in a log of PX4.
 
-    The elevator's servo, where parameters tell which it is, goes before a moment.
+    Args:
+        names: addresses of all columns.
+        parameters: of the autopilot, by name. Where they say which servo moves the
+            elevator, its command counts, and not the moment about the pitch axis.
+
+    Returns:
+        Addresses by quantity: those of single columns, or of topics or arrays that
+        hold a vector.
     """
     known = {}
     for quantity, topics in _PX4.items():
@@ -84,8 +93,7 @@ def _find_known(names: list[str], parameters: dict[str, Any]) -> dict[str, str]:
                 known[quantity] = topic
 
     surfaces = [parameters.get(f"CA_SV_CS{k}_TYPE") for k in range(8)]
-    has_servos = any(name.startswith("actuator_servos.") for name in names)
-    if has_servos and _ELEVATOR in surfaces:
+    if _ELEVATOR in surfaces and any(n.startswith("actuator_servos.") for n in names):
         servo = f"actuator_servos.control[{surfaces.index(_ELEVATOR)}]"
         known["elevator_angle_command"] = servo
     return known
@@ -110,6 +118,7 @@ def read_bag(path: Path) -> Recording:
     for file in sorted({*bag.glob("**/msg/*.msg"), *bag.parent.glob("*/msg/*.msg")}):
         name = f"{file.parts[-3]}/msg/{file.stem}"
         definitions |= typesys.get_types_from_msg(file.read_text(), name)
+    # They must not replace the types of ROS.
     store.register({n: t for n, t in definitions.items() if n not in store.fielddefs})
 
     with highlevel.AnyReader([bag], default_typestore=store) as reader:
@@ -191,13 +200,16 @@ def _collect(
     Raises:
         InputError: no message can be read.
     """
+    # Rows by topic, and by TOPIC[NAME] for bodies.
     topics: dict[str, list[_Row]] = defaultdict(list)
+    # Names of bodies by topic and place in its messages: "", or FIELD[i] of a list.
     bodies: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
-    """By topic and place in its messages, which bodies stand there."""
     for topic, recorded, message in messages:
         row = _make_row(message, recorded, 0.0)
         topics[topic].append(row)
-        parts = [("", message)]  # What may be about a body, by its place.
+
+        # Bodies that the message, or an element of its lists, is about.
+        parts = [("", message)]
         for field, value in _fields(message).items():
             if isinstance(value, (list, tuple)):
                 parts += [(f"{field}[{i}]", part) for i, part in enumerate(value)]
@@ -209,11 +221,13 @@ def _collect(
                 topics[f"{topic}[{name}]"].append(own)
 
     for topic, places in bodies.items():
+        # Where all messages are of one body, the group of the topic is enough.
         names = places[""]
-        if len(names) == 1:  # All messages are of one body: the topic is its group.
+        if len(names) == 1:
             del topics[f"{topic}[{min(names)}]"]
+        # Where a place has several bodies, the rows of the topic mix them.
         most = max(places.values(), key=len)
-        if len(most) > 1:  # The rows of the topic mix bodies.
+        if len(most) > 1:
             del topics[topic]
             each = ", ".join(f"{topic}[{name}]" for name in sorted(most)[:6])
             unread[topic] = (
@@ -223,16 +237,21 @@ def _collect(
 
     groups = [_make_group(topic, rows) for topic, rows in topics.items()]
     if not groups:
-        words = "; ".join(f"'{topic}': {why}" for topic, why in unread.items())
-        why = words or "it has none"
-        raise InputError(f"{path}: holds no message that can be read: {why}.")
+        reasons = "; ".join(f"'{topic}': {why}" for topic, why in unread.items())
+        raise InputError(
+            f"{path}: holds no message that can be read: {reasons or 'it has none'}."
+        )
     return Recording(path, tuple(groups), up="z", unread=unread)
 
 
 def _make_row(message: object, recorded: int, stamp: float) -> _Row:
-    """Makes a row of a message that was recorded at a time [ns].
+    """Makes a row of a message, or of a body in it.
 
-    The stamp [s] counts where it has none of its own; 0 where that is unknown, too.
+    Args:
+        message: object with fields.
+        recorded: time when it was recorded [ns].
+        stamp: that of the whole message, which counts where a body in it has none of
+            its own; 0 where there is none [s].
     """
     row = dict(_leaves("", message))
     row[_STAMP] = _find_stamp(row, stamp)
@@ -241,7 +260,11 @@ def _make_row(message: object, recorded: int, stamp: float) -> _Row:
 
 
 def _make_group(topic: str, rows: list[_Row]) -> Group:
-    """Makes a group; its times are the stamps of the messages where they have any."""
+    """Makes a group of rows, which need not have the same names; they lose _STAMP.
+
+    Its times are the stamps of the messages, or, if none has a stamp, when they were
+    recorded.
+    """
     stamps = [row.pop(_STAMP) for row in rows]
     columns = {}
     for name in dict.fromkeys(itertools.chain(*rows)):
@@ -252,15 +275,22 @@ def _make_group(topic: str, rows: list[_Row]) -> Group:
 
 
 def _fields(message: object) -> dict[str, Any]:
-    """The fields of a message by name; none of a number or an array."""
+    """The fields of a message by name; none of a number or an array.
+
+    Names with two underscores are those of rosbags itself.
+    """
     fields = message if isinstance(message, dict) else {}
     if dataclasses.is_dataclass(message):
         fields = vars(message)
-    return {name: own for name, own in fields.items() if not name.startswith("__")}
+    return {name: value for name, value in fields.items() if not name.startswith("__")}
 
 
 def _name(message: object) -> str:
-    """The name, or the number, of the body that a message is about; "": of none."""
+    """The name of the body that a message is about, or its number; "" if it has none.
+
+    The name is the first text that is not empty in a field `child_frame_id` or
+    `...name`, the number that in a field `id`.
+    """
     fields = _fields(message)
     for field, value in fields.items():
         is_name = field == "child_frame_id" or field.endswith("name")
@@ -273,9 +303,11 @@ def _name(message: object) -> str:
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
     """Yields the numbers in a message, by their names with dots.
 
+    Of {"p": {"x": 1.0}, "q": [2.0, 3.0]} it yields p.x, q[0] and q[1].
+
     Args:
-        name: of what is looked into; "" for the message itself.
-        value: a message, a list or an array, a number; anything else holds no number.
+        name: of the value; "" for the message itself.
+        value: a message, a list or an array, or a number; texts have no numbers.
     """
     if isinstance(value, (bool, int, float, np.number)):
         yield name, float(value)
@@ -287,7 +319,12 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
 
 
 def _find_stamp(row: _Row, default: float) -> float:
-    """The time [s] that a message itself has, in seconds and nanoseconds."""
+    """The time that a message itself has, in seconds and nanoseconds [s].
+
+    Args:
+        row: numbers of the message by name.
+        default: what is returned where it has none [s].
+    """
     for stamp, second, fraction in itertools.product(_STAMPS, _SECONDS, _NANOSECONDS):
         seconds = row.get(f"{stamp}.{second}")
         nanoseconds = row.get(f"{stamp}.{fraction}")
