@@ -29,6 +29,7 @@ _SLOWEST_LOG = 0.06
 oscillation lasts half a second."""
 _MAX_GAP = 0.1
 """Time without the body that splits a recording [s], unless it flies on meanwhile."""
+
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
 _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
@@ -49,8 +50,11 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
         gravity: [m/s²]
 
     Returns:
-        The flights in their order, and notes on what was omitted.
+        The flights in their order, each with the reason for its beginning and end in
+        `why`; and notes on what was omitted: parts without a flight, and rows.
     """
+    # A frozen pose stands for a body that is lost. Rows that are logged again or were
+    # filled in show nothing new.
     frozen = find_repeats(track.position, _EQUAL_ROWS)
     repeated = frozen | find_stale(track.time, track.position)
     filled = find_filled(track.time, track.position) & ~repeated
@@ -65,6 +69,7 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
             "less"
         ]
 
+    # Each part in which the body moves may have one flight.
     flights = []
     notes = [*track.notes]
     drive = calc_drive(seen.time, seen.position, gravity)
@@ -92,11 +97,14 @@ def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
 
 
 def _find_parts(drive: Drive) -> list[tuple[int, int]]:
-    """First and last row of each part in which the body is seen and moves."""
+    """First and last row of each part in which the body is seen and moves.
+
+    A part does not go on beyond a gap, unless the body flies on in it.
+    """
     time = drive.time
     moves = drive.speed > _SLOWEST
 
-    # Rows before which the body was not seen, and may have been caught.
+    # Gaps are known by the rows at which they end.
     gaps = (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
     edges = [0, *gaps, len(time)]
     breaks = [
@@ -107,21 +115,21 @@ def _find_parts(drive: Drive) -> list[tuple[int, int]]:
 
     parts = []
     for start, end in itertools.pairwise([0, *breaks, len(time)]):
-        if end - start < _MIN_ROWS:
-            continue
-        for i, j in stretches(moves[start:end]):
-            first = start + i
-            last = start + j
-            if time[last] - time[first] > 0.5 * _SHORTEST:
-                parts.append((first, last))
+        if end - start >= _MIN_ROWS:
+            for i, j in stretches(moves[start:end]):
+                first = start + i
+                last = start + j
+                if time[last] - time[first] > 0.5 * _SHORTEST:
+                    parts.append((first, last))
     return parts
 
 
 def _flies_on(drive: Drive, before: int, gap: int, after: int) -> bool:
-    """Whether the body flies before, in and after a gap.
+    """Whether the body flies on in a gap, in which it is not seen.
 
-    A hand that caught and threw it again took as long as a throw, and gave it energy.
-    A moment at an end of the log, or between two of its gaps, shows nothing.
+    A hand that caught it and threw it again took as long as a throw, and gave it
+    energy. The body must be fast on either side of the gap; what is seen of it there
+    must be longer than the span of a cubic, or its speed and energy are not known.
 
     Args:
         drive: of the recording.
@@ -140,9 +148,10 @@ def _flies_on(drive: Drive, before: int, gap: int, after: int) -> bool:
 
 
 def _is_driven(drive: Drive, first: int, last: int) -> bool:
-    """Whether the body gains energy between two rows as only a hand gives it.
+    """Whether a hand gives the body energy between two rows.
 
-    That is what half of the push of a hand does along the way.
+    It does if the energy per mass grows by more than half of a hand's least push,
+    `PUSH`, times the way.
     """
     gained = drive.energy[last] - drive.energy[first]
     way = drive.way[last] - drive.way[first]
@@ -150,12 +159,15 @@ def _is_driven(drive: Drive, first: int, last: int) -> bool:
 
 
 def _calc_margin(time: np.ndarray, last: int, log_end: float) -> float:
-    """Time before the last row of a part in which the body may touch something [s].
+    """Time before the last row of a part that a flight must not include [s].
+
+    A part that ends before the log does may end with a contact, after which the body
+    is lost or stands.
 
     Args:
-        time: (n,) in which the body is seen [s].
-        last: row of the part.
-        log_end: time of the last row of the log, in which it may be frozen [s].
+        time: (n,) of the rows in which the body is seen [s].
+        last: last row of the part.
+        log_end: time of the last row of the log, in which the pose may be frozen [s].
     """
     if time[last] >= log_end:
         return 0.0
@@ -170,6 +182,9 @@ def _find_flight(
 ) -> Track | str:
     """Finds the flight in a part in which the body moves throughout.
 
+    It begins after the last push of a hand, or with the part. It ends before the first
+    contact, or with the part, less a margin.
+
     Args:
         part: k rows.
         drive: of these rows.
@@ -181,8 +196,9 @@ def _find_flight(
     """
     if len(part.time) < _MIN_ROWS:
         return "too short for a flight"
-    if np.max(drive.speed) < _FASTEST:
-        return f"never faster than {np.max(drive.speed):.2g} m/s: carried, or rolling"
+    fastest = np.max(drive.speed)
+    if fastest < _FASTEST:
+        return f"never faster than {fastest:.2g} m/s: carried, or rolling"
 
     begin = part.time[0]
     start = "the body is seen from here on"
@@ -206,6 +222,7 @@ def _find_flight(
     if len(flight.time) < _MIN_ROWS or np.ptp(flight.time) < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
 
+    # A glider loses energy to the air, and more than in its best glide.
     flown = drive.take((drive.time >= begin) & (drive.time <= end))
     if np.median(flown.push) > _FREE:
         return "something pushes it throughout"
@@ -223,12 +240,14 @@ def _find_release(drive: Drive) -> float | None:
     """Time at which the hand lets go [s]; None where no hand is seen.
 
     A hand has given the body energy until then. A force that noise or a gust shows for
-    a moment has not.
+    a moment has not. So the last push before the highest energy counts that has done
+    work in the time of a throw.
     """
     time = drive.time
     highest = np.argmax(drive.energy)
     pushed = np.flatnonzero(drive.push[: highest + 1] > PUSH)
     for last in pushed[::-1]:
+        # The first row at which it is free, and the one at which a throw began.
         free = last + int(np.argmax(drive.push[last:] < _FREE))
         first = int(np.searchsorted(time, time[free] - _THROW))
         if _is_driven(drive, first, free):
@@ -237,7 +256,11 @@ def _find_release(drive: Drive) -> float | None:
 
 
 def _find_contact(flight: Track) -> float | None:
-    """Time at which the velocity jumps [s]; None where it does not."""
+    """Time at which the velocity jumps [s]; None where it does not.
+
+    The most rows that can be one smooth motion end with the contact. After a long slide
+    they may begin with it: the contact is then searched for before them.
+    """
     pose = planar_pose(turn_along(flight))
     rows = Rows(flight.time, pose, measure_noise(flight.time, pose))
     faults = find_one_motion(rows, np.ones(len(pose), dtype=bool))
@@ -245,7 +268,6 @@ def _find_contact(flight: Track) -> float | None:
     if not len(smooth):
         return None
 
-    # The longest smooth motion may be a slide after the contact.
     first = smooth[0]
     if flight.time[first] - flight.time[0] > _SHORTEST and _slows_down(flight, first):
         before = take(flight, slice(first))
@@ -257,9 +279,9 @@ def _find_contact(flight: Track) -> float | None:
 
 
 def _slows_down(flight: Track, row: int) -> bool:
-    """Whether a body has less speed from a row on than before, as one that slides."""
+    """Whether a body is as much slower from a row on as one that slides."""
     steps = np.linalg.norm(np.diff(flight.position, axis=0), axis=1)
     speed = steps / np.diff(flight.time)
     before = np.median(speed[:row])
     after = np.median(speed[row:])
-    return bool(after < _STOPPED * before)
+    return after < _STOPPED * before
