@@ -188,7 +188,8 @@ class Recording:
         known: dict[str, str] = {}
         for entry in self._entries():
             for name in (entry.name, entry.address):
-                known |= {split_suffix(name)[0]: entry.address, name: entry.address}
+                known[split_suffix(name)[0]] = entry.address
+                known[name] = entry.address
         for axes in shapes:
             for spelling in _INDEXED if axes[0].isdigit() else _VECTORS:
                 for letters in (axes, axes.upper()):
@@ -198,7 +199,11 @@ class Recording:
         return None
 
     def find_each(self, names: Sequence[str], field: str) -> Vector:
-        """Finds columns of one group side by side, by their addresses; see `find`."""
+        """Finds columns of one group side by side, by their addresses.
+
+        Raises:
+            InputError: as of `find`, or if the columns are in different groups.
+        """
         found = [self.find(name, field) for name in names]
         group = found[0][0]
         if any(other is not group for other, _ in found):
@@ -224,8 +229,8 @@ class Recording:
                 return column
         for address, name, other, column in self._entries():
             is_named = address in names or name in names
-            has_clock = other.clock == group.clock
-            if is_named and has_clock and len(column.values) == group.rows:
+            fits = other.clock == group.clock and len(column.values) == group.rows
+            if is_named and fits:
                 return column
         return None
 
@@ -274,9 +279,9 @@ class _Scale:
     def __post_init__(self):
         """Raises InputError where a logged value would be lost."""
         both = [self.gain, self.zero]
-        numbers = "finite numbers, the gain other than 0"
         fits = self.gain and all(map(math.isfinite, both))
-        expect(fits, "units: [gain, zero]", both, numbers)
+        expected = "finite numbers, the gain other than 0"
+        expect(fits, "units: [gain, zero]", both, expected)
 
 
 Unit = str | _Scale  # A unit's name, or a calibration.

@@ -14,10 +14,8 @@ from glider.campaign.importing.readers.camera_exports import parse_export
 from glider.campaign.importing.recording import Recording
 from glider.errors import InputError
 
-_Reader = Callable[[Path], Recording | list[Recording]]
-
 _DATAFLASH = "ArduPilot DataFlash"
-_READERS: dict[str, _Reader] = {
+_READERS: dict[str, Callable[[Path], Recording | list[Recording]]] = {
     "PX4 ULog": topics.read_ulog,
     _DATAFLASH: dataflash.read,
     "C3D": c3d.read,
