@@ -8,6 +8,7 @@ moment is one flight: in a gap too short for another throw it has gained no ener
 """
 
 import dataclasses
+import itertools
 
 import numpy as np
 
@@ -28,6 +29,7 @@ _SLOWEST_LOG = 0.06
 oscillation lasts half a second."""
 _MAX_GAP = 0.1
 """Time without the body that splits a recording [s], unless it flies on meanwhile."""
+
 _EQUAL_ROWS = 3  # As many equal positions are frozen: the body is lost.
 _SLOWEST = 0.7  # Speed of a flight, at least [m/s].
 _FASTEST = 2.5  # Speed that a flight must reach: people walk at 1.5 [m/s].
@@ -41,90 +43,163 @@ _MIN_ROWS = 20
 
 
 def cut(track: Track, gravity: float) -> tuple[list[Track], list[str]]:
-    """Finds the flights of a recording in their order; notes what was omitted."""
+    """Finds the flights of a recording.
+
+    Args:
+        track: the recording, n rows.
+        gravity: [m/s²]
+
+    Returns:
+        The flights in their order, each with the reason for its beginning and end in
+        `why`; and notes on what was omitted: parts without a flight, and rows.
+    """
+    # A frozen pose stands for a body that is lost. Rows that are logged again or were
+    # filled in show nothing new.
     frozen = find_repeats(track.position, _EQUAL_ROWS)
-    again = find_stale(track.time, track.position) & ~frozen
-    filled = find_filled(track.time, track.position) & ~(again | frozen)
-    track = take(track, ~(again | filled))
-    seen = take(track, ~frozen[~(again | filled)])
+    repeated = frozen | find_stale(track.time, track.position)
+    filled = find_filled(track.time, track.position) & ~repeated
+    kept = ~(repeated | filled)
+    seen = take(track, kept)
     if not len(seen.time):
         return [], [*track.notes, "the body is never seen"]
     step = np.median(np.diff(seen.time)) if len(seen.time) > 1 else 0.0
     if step > _SLOWEST_LOG:
-        expected = f"expected {_SLOWEST_LOG:g} s or less"
-        return [], [f"the poses were logged every {step:.3g} s; {expected}"]
+        return [], [
+            f"the poses were logged every {step:.3g} s; expected {_SLOWEST_LOG:g} s or "
+            "less"
+        ]
+
+    # Each part in which the body moves may have one flight.
     flights = []
     notes = [*track.notes]
     drive = calc_drive(seen.time, seen.position, gravity)
+    log_end = track.time[kept | frozen][-1]
     parts = _find_parts(drive)
     for first, last in parts:
         rows = slice(first, last + 1)
         part = take(seen, rows)
-        margin = 0.0
-        if part.time[-1] < track.time[-1]:
-            margin = _BEFORE_CONTACT
-            if np.any(seen.time[last + 1 : last + 2] - part.time[-1] <= _MAX_GAP):
-                # It is slow; the cubics see a stop up to half of their span late.
-                margin += 0.5 * SPAN
+        margin = _calc_margin(seen.time, last, log_end)
         found = _find_flight(part, drive.take(rows), gravity, margin)
         if isinstance(found, Track):
             flights.append(found)
         else:
             begin, end = part.span
             notes.append(f"{begin:.3f}-{end:.3f} s: {found}")
+
     if not parts and not notes:
         reach = np.max(np.ptp(seen.position, axis=0))
         notes.append(f"nothing moves like a flight: all is within {reach:.2g} m")
-    dropped = {"that repeat the pose before": frozen | again, FILLED: filled}
-    for why, rows in dropped.items():
-        if rows.any():
-            notes.append(f"{np.sum(rows)} rows {why}: they are dropped")
+    dropped = {"that repeat the pose before": repeated, FILLED: filled}
+    for why, flags in dropped.items():
+        if flags.any():
+            notes.append(f"{np.sum(flags)} rows {why}: they are dropped")
     return flights, notes
 
 
 def _find_parts(drive: Drive) -> list[tuple[int, int]]:
-    """First and last row of each part in which the body is seen and moves."""
+    """First and last row of each part in which the body is seen and moves.
+
+    A part does not go on beyond a gap, unless the body flies on in it.
+    """
     time = drive.time
     moves = drive.speed > _SLOWEST
+
+    # Gaps are known by the rows at which they end.
     gaps = (np.flatnonzero(np.diff(time) > _MAX_GAP) + 1).tolist()
-    breaks = [gap for gap in gaps if not _flies_on(drive, gap, gaps)]
+    edges = [0, *gaps, len(time)]
+    breaks = [
+        gap
+        for before, gap, after in zip(edges, gaps, edges[2:], strict=False)
+        if not _flies_on(drive, before, gap, after)
+    ]
+
     parts = []
-    for block in np.split(np.arange(len(time)), breaks):
-        if len(block) >= _MIN_ROWS:
-            for first, last in stretches(moves[block]):
-                if np.ptp(time[block[[first, last]]]) > 0.5 * _SHORTEST:
-                    parts.append((int(block[first]), int(block[last])))
+    for start, end in itertools.pairwise([0, *breaks, len(time)]):
+        if end - start >= _MIN_ROWS:
+            for i, j in stretches(moves[start:end]):
+                first = start + i
+                last = start + j
+                if time[last] - time[first] > 0.5 * _SHORTEST:
+                    parts.append((first, last))
     return parts
 
 
-def _flies_on(drive: Drive, gap: int, gaps: list[int]) -> bool:
-    """Whether the body flies before and after a gap, which ends at a row, and between.
+def _flies_on(drive: Drive, before: int, gap: int, after: int) -> bool:
+    """Whether the body flies on in a gap, in which it is not seen.
 
-    A hand that caught and threw it again took as long as a throw; one that threw it
-    gave it energy, as in `_find_release`. A moment at an end of the log, or between two
-    of its gaps, shows nothing.
+    A hand that caught it and threw it again took as long as a throw, and gave it
+    energy. The body must be fast on either side of the gap; what is seen of it there
+    must be longer than the span of a cubic, or its speed and energy are not known.
+
+    Args:
+        drive: of the recording.
+        before: row at which the gap before ends; 0 for the first gap.
+        gap: row at which the gap ends.
+        after: row at which the gap after ends; the number of rows for the last gap.
     """
-    time, speed, way, energy, _ = drive.take(slice(gap - 1, gap + 1))
-    gained = energy[1] - energy[0]
-    first = drive.time[max((row for row in gaps if row < gap), default=0)]
-    last = drive.time[min((row for row in gaps if row > gap), default=0) - 1]
-    is_short = time[1] - time[0] <= _THROW
-    is_shown = min(time[0] - first, last - time[1]) > SPAN
-    flies = min(speed) > _SLOWEST and gained <= 0.5 * PUSH * (way[1] - way[0])
-    return bool(is_short and is_shown and flies)
+    time = drive.time
+    is_short = time[gap] - time[gap - 1] <= _THROW
+    seen_before = time[gap - 1] - time[before]
+    seen_after = time[after - 1] - time[gap]
+    is_shown = min(seen_before, seen_after) > SPAN
+    is_fast = min(drive.speed[gap - 1 : gap + 1]) > _SLOWEST
+    is_free = not _is_driven(drive, gap - 1, gap)
+    return is_short and is_shown and is_fast and is_free
+
+
+def _is_driven(drive: Drive, first: int, last: int) -> bool:
+    """Whether a hand gives the body energy between two rows.
+
+    It does if the energy per mass grows by more than half of a hand's least push,
+    `PUSH`, times the way.
+    """
+    gained = drive.energy[last] - drive.energy[first]
+    way = drive.way[last] - drive.way[first]
+    return gained > 0.5 * PUSH * way
+
+
+def _calc_margin(time: np.ndarray, last: int, log_end: float) -> float:
+    """Time before the last row of a part that a flight must not include [s].
+
+    A part that ends before the log does may end with a contact, after which the body
+    is lost or stands.
+
+    Args:
+        time: (n,) of the rows in which the body is seen [s].
+        last: last row of the part.
+        log_end: time of the last row of the log, in which the pose may be frozen [s].
+    """
+    if time[last] >= log_end:
+        return 0.0
+    if np.any(time[last + 1 : last + 2] - time[last] <= _MAX_GAP):
+        # It is seen on, but slow: the cubics see a stop up to half of their span late.
+        return _BEFORE_CONTACT + 0.5 * SPAN
+    return _BEFORE_CONTACT
 
 
 def _find_flight(
     part: Track, drive: Drive, gravity: float, margin: float
 ) -> Track | str:
-    """The flight in a part in which the body moves throughout, or why there is none.
+    """Finds the flight in a part in which the body moves throughout.
 
-    The margin is the time before the part's end that is cut at least [s].
+    It begins after the last push of a hand, or with the part. It ends before the first
+    contact, or with the part, less a margin.
+
+    Args:
+        part: k rows.
+        drive: of these rows.
+        gravity: [m/s²]
+        margin: time before the part's end that is cut at least [s].
+
+    Returns:
+        The flight, or the reason why there is none.
     """
     if len(part.time) < _MIN_ROWS:
         return "too short for a flight"
-    if np.max(drive.speed) < _FASTEST:
-        return f"never faster than {np.max(drive.speed):.2g} m/s: carried, or rolling"
+    fastest = np.max(drive.speed)
+    if fastest < _FASTEST:
+        return f"never faster than {fastest:.2g} m/s: carried, or rolling"
+
     begin = part.time[0]
     start = "the body is seen from here on"
     release = _find_release(drive)
@@ -134,6 +209,7 @@ def _find_flight(
     free = take(part, part.time >= begin)
     if len(free.time) < _MIN_ROWS:
         return "the hand never lets go"
+
     end = free.time[-1] - margin
     stop = "the body is seen, and moves, until here"
     contact = _find_contact(free)
@@ -145,6 +221,8 @@ def _find_flight(
     flight = take(free, free.time <= end + 1e-9)
     if len(flight.time) < _MIN_ROWS or np.ptp(flight.time) < _SHORTEST:
         return f"less than {_SHORTEST} s of free flight"
+
+    # A glider loses energy to the air, and more than in its best glide.
     flown = drive.take((drive.time >= begin) & (drive.time <= end))
     if np.median(flown.push) > _FREE:
         return "something pushes it throughout"
@@ -162,31 +240,48 @@ def _find_release(drive: Drive) -> float | None:
     """Time at which the hand lets go [s]; None where no hand is seen.
 
     A hand has given the body energy until then. A force that noise or a gust shows for
-    a moment has not.
+    a moment has not. So the last push before the highest energy counts that has done
+    work in the time of a throw.
     """
-    time, _, way, energy, push = drive
-    pushed = np.flatnonzero(push[: np.argmax(energy) + 1] > PUSH)
+    time = drive.time
+    highest = np.argmax(drive.energy)
+    pushed = np.flatnonzero(drive.push[: highest + 1] > PUSH)
     for last in pushed[::-1]:
-        free = last + int(np.argmax(push[last:] < _FREE))
+        # The first row at which it is free, and the one at which a throw began.
+        free = last + int(np.argmax(drive.push[last:] < _FREE))
         first = int(np.searchsorted(time, time[free] - _THROW))
-        if energy[free] - energy[first] > 0.5 * PUSH * (way[free] - way[first]):
+        if _is_driven(drive, first, free):
             return float(time[free])
     return None
 
 
 def _find_contact(flight: Track) -> float | None:
-    """Time at which the velocity jumps [s]; None where it does not."""
+    """Time at which the velocity jumps [s]; None where it does not.
+
+    The most rows that can be one smooth motion end with the contact. After a long slide
+    they may begin with it: the contact is then searched for before them.
+    """
     pose = planar_pose(turn_along(flight))
     rows = Rows(flight.time, pose, measure_noise(flight.time, pose))
-    faulty = np.any(find_one_motion(rows, np.ones(len(pose), dtype=bool)), axis=0)
-    same = np.flatnonzero(~faulty)
-    if len(same) and flight.time[same[0]] - flight.time[0] > _SHORTEST:
-        steps = np.linalg.norm(np.diff(flight.position, axis=0), axis=1)
-        speed = steps / np.diff(flight.time)
-        before = take(flight, slice(same[0]))
-        # What follows may be a slide, and longer.
-        if np.median(speed[same[0] :]) < _STOPPED * np.median(speed[: same[0]]):
-            contact = _find_contact(before)
-            return float(before.time[-1]) if contact is None else contact
-    touched = np.max(same, initial=-1) + 1
-    return float(flight.time[touched]) if 0 < touched < len(pose) else None
+    faults = find_one_motion(rows, np.ones(len(pose), dtype=bool))
+    smooth = np.flatnonzero(~np.any(faults, axis=0))
+    if not len(smooth):
+        return None
+
+    first = smooth[0]
+    if flight.time[first] - flight.time[0] > _SHORTEST and _slows_down(flight, first):
+        before = take(flight, slice(first))
+        contact = _find_contact(before)
+        return float(before.time[-1]) if contact is None else contact
+
+    after = smooth[-1] + 1
+    return float(flight.time[after]) if after < len(pose) else None
+
+
+def _slows_down(flight: Track, row: int) -> bool:
+    """Whether a body is as much slower from a row on as one that slides."""
+    steps = np.linalg.norm(np.diff(flight.position, axis=0), axis=1)
+    speed = steps / np.diff(flight.time)
+    before = np.median(speed[:row])
+    after = np.median(speed[row:])
+    return after < _STOPPED * before

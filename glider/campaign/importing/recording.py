@@ -1,5 +1,9 @@
 """A recording: named columns of numbers, in groups of one clock each; their units.
 
+Every reader makes a `Recording` of its file, in the file's names, units and axes. A
+mapping then picks columns by their addresses, the name of the group, a dot and the name
+of the column, and scales them to SI by units or by a calibration.
+
 pint knows more units, but takes 0.7 s to import: longer than most imports.
 """
 
@@ -11,7 +15,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +23,7 @@ from glider.errors import InputError, expect, show
 
 _INDEXED = ("{name}[{axis}]", "{name}{axis}")
 _VECTORS = ("{name}.{axis}", "{name}_{axis}", "{name} {axis}", "{name}{axis}")
+"""How the columns of a vector are spelled, by digits and by letters of its axes."""
 
 _MOST = 1000  # Names that are compared with one that is not there.
 
@@ -29,6 +34,8 @@ UNITS: dict[str, dict[str, float]] = {
     "angle": {"rad": 1.0, "deg": _DEGREE},
     "rate": {"rad/s": 1.0, "deg/s": _DEGREE},
 }
+"""Units by kind, each with its size in the kind's SI unit."""
+
 _SPELLINGS = {
     "s": "sec second",
     "ms": "msec millisecond",
@@ -54,24 +61,40 @@ _UNITS |= {unit: unit for units in UNITS.values() for unit in units}
 
 @dataclasses.dataclass(frozen=True)
 class Column:
-    """One column of a log."""
+    """One column of a log.
 
-    values: np.ndarray  #: (n,) as logged; nan where there is nothing.
-    unit: str | None = None  #: As the file reports it, e.g. "mm"; None: it does not.
-    fault: str | None = None  #: What is wrong with a cell; raised when it is used.
-    epoch: float | None = None  #: Of 0 in times of a calendar, since 1970 [s].
-    labels: list[str] | None = None  #: The cells, where they are text.
+    Attributes:
+        values: (n,) as logged; NaN where there is nothing.
+        unit: as the file reports it, e.g. "mm"; None if it does not.
+        fault: what is wrong with a cell; raised when the column is used.
+        epoch: of times in a calendar, what 0 stands for, since 1970 [s].
+        labels: the cells (n,), where they are text.
+    """
+
+    values: np.ndarray
+    unit: str | None = None
+    fault: str | None = None
+    epoch: float | None = None
+    labels: list[str] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class Group:
-    """Columns that share their rows: a table, a topic, a struct."""
+    """Columns that share their rows: a table, a topic, a struct.
 
-    name: str  #: "" where a file has one.
+    Attributes:
+        name: "" where a file has one group only.
+        columns: by name.
+        time: name of the column of times, where the format has one.
+        clock: groups of one clock have the same name here.
+        lines: of the rows in a text file; None if rows are counted from 0.
+    """
+
+    name: str
     columns: dict[str, Column]
-    time: str | None = None  #: Name of the column of times, where the format has one.
-    clock: str = ""  #: Groups of one clock have the same name here.
-    lines: Sequence[int] | None = None  #: Of rows in a text; None: counted from 0.
+    time: str | None = None
+    clock: str = ""
+    lines: Sequence[int] | None = None
 
     @property
     def rows(self) -> int:
@@ -82,34 +105,61 @@ class Group:
 Vector = tuple[Group, list[Column]]  # Columns side by side, and their group.
 
 
+class _Entry(NamedTuple):
+    """A column with its address, its name in its group, and the group."""
+
+    address: str
+    name: str
+    group: Group
+    column: Column
+
+
 @dataclasses.dataclass(frozen=True)
 class Recording:
-    """One recording as it was logged, in its own names, units and axes."""
+    """One recording as it was logged, in its own names, units and axes.
 
-    path: Path  #: Of the file; of a part of it: file/part.
+    Attributes:
+        path: of the file; of a part of it, file/part.
+        groups: in the order of the file.
+        rotation: what the columns of an attitude mean, as in `frame: rotation:`; ""
+            where the format leaves it open.
+        known: addresses of the quantities whose columns the format itself fixes.
+        up: axis that points up in most files of the format; "" where none does.
+        unread: why groups could not be read, by their names.
+    """
+
+    path: Path
     groups: tuple[Group, ...]
-    rotation: str = ""  #: As in `frame: rotation:`; "": the format is open.
+    rotation: str = ""
     known: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """Addresses of the quantities whose columns the format itself fixes."""
-    up: str = ""  #: Axis that points up in most files of the format; "": none does.
+    up: str = ""
     unread: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """Why groups, by name, could not be read."""
 
     def names(self) -> list[str]:
-        """Addresses of all columns: the group's name, a dot, the column's."""
-        return [address for address, _, _ in self._all()]
+        """Addresses of all columns."""
+        return [entry.address for entry in self._entries()]
 
     def find(self, address: str, field: str) -> tuple[Group, Column]:
-        """Finds a column by its address or unique name; `field` is for messages."""
-        known = list(self._all())
-        found = [own for own in known if own[0] == address]
-        found = found or [own for own in known if own[0] == f"{own[1].name}.{address}"]
+        """Finds a column.
+
+        Args:
+            address: of the column, or its name where no other column has it.
+            field: that asks for it, for the message.
+
+        Raises:
+            InputError: there is none, there are several, or the column has a fault.
+        """
+        entries = list(self._entries())
+        found = [entry for entry in entries if entry.address == address]
+        if not found:
+            found = [entry for entry in entries if entry.name == address]
         if len(found) == 1:
-            _, group, column = found[0]
-            if column.fault:
-                raise InputError(f"{self.path}: {column.fault}")
-            return group, column
-        names = [name for name, _, _ in found or known]
+            [entry] = found
+            if entry.column.fault:
+                raise InputError(f"{self.path}: {entry.column.fault}")
+            return entry.group, entry.column
+
+        names = [entry.address for entry in found or entries]
         near = difflib.get_close_matches(address, names[:_MOST], n=1, cutoff=0.5)
         hint = f" (did you mean '{near[0]}'?)" if near else ""
         listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
@@ -123,15 +173,23 @@ class Recording:
     def find_all(
         self, address: str, shapes: Sequence[str]
     ) -> tuple[str, list[str]] | None:
-        """Finds the axes and columns of a vector by their common name, if it has.
+        """Finds the columns of a vector by the beginning that their names share.
 
-        A shape has the letters of its axes in the order wanted, or digits for name[0],
-        name[1]; the first that is there counts.
+        Args:
+            address: that beginning, e.g. "Glider.Position". A unit that ends the names
+                of the columns is ignored.
+            shapes: the axes of a vector, in the order wanted: letters, e.g. "xyz", or
+                digits for name[0], name[1], ...
+
+        Returns:
+            The first shape whose columns are all there, and their addresses; None if
+            there is no such shape.
         """
         known: dict[str, str] = {}
-        for full, group, _ in self._all():
-            for name in (full.removeprefix(f"{group.name}."), full):
-                known |= {split_suffix(name)[0]: full, name: full}
+        for entry in self._entries():
+            for name in (entry.name, entry.address):
+                known[split_suffix(name)[0]] = entry.address
+                known[name] = entry.address
         for axes in shapes:
             for spelling in _INDEXED if axes[0].isdigit() else _VECTORS:
                 for letters in (axes, axes.upper()):
@@ -141,46 +199,67 @@ class Recording:
         return None
 
     def find_each(self, names: Sequence[str], field: str) -> Vector:
-        """Finds columns of one group side by side, by their addresses."""
-        groups, columns = zip(*(self.find(name, field) for name in names), strict=True)
-        if any(group is not groups[0] for group in groups):
+        """Finds columns of one group side by side, by their addresses.
+
+        Raises:
+            InputError: as of `find`, or if the columns are in different groups.
+        """
+        found = [self.find(name, field) for name in names]
+        group = found[0][0]
+        if any(other is not group for other, _ in found):
             raise InputError(
                 f"{self.path}: {field}: {', '.join(names)} are in different groups; "
                 "expected one with the same times."
             )
-        return groups[0], list(columns)
+        return group, [column for _, column in found]
 
     def find_times(self, group: Group, named: Any) -> Column | None:
-        """Finds the times of a group's rows, of which there are as many."""
+        """Finds the times (n,) of the rows of a group.
+
+        Args:
+            group: of n rows.
+            named: the name or names that a mapping gives the column of times. It may
+                be in another group of the same clock with as many rows.
+        """
         names = [named] if isinstance(named, str) else named
-        for name in (*names, group.time or ""):  # A damaged log may lack it.
+        for name in (*names, group.time or ""):
+            # A damaged log may lack the column of its format.
             column = group.columns.get(name.removeprefix(f"{group.name}."))
             if column is not None:
                 return column
-        for address, other, column in self._all():  # Of the same clock.
+        for address, name, other, column in self._entries():
+            is_named = address in names or name in names
             fits = other.clock == group.clock and len(column.values) == group.rows
-            if fits and {address, address.removeprefix(f"{other.name}.")} & set(names):
+            if is_named and fits:
                 return column
         return None
 
     def refuse(self, bad: np.ndarray, name: str, expected: str) -> None:
         """Raises InputError about the first bad value (n,) of a column, if any is."""
-        for i in np.flatnonzero(bad)[:1]:
-            group, column = self.find(name, "column")
-            row = i if group.lines is None else group.lines[i]
-            raise InputError(
-                f"{self.path}: column '{name}', row {row}: "
-                f"found {show(column.values[i])}; expected {expected}."
-            )
+        if not bad.any():
+            return
+        i = int(np.argmax(bad))
+        group, column = self.find(name, "column")
+        row = i if group.lines is None else group.lines[i]
+        raise InputError(
+            f"{self.path}: column '{name}', row {row}: "
+            f"found {show(column.values[i])}; expected {expected}."
+        )
 
-    def _all(self) -> Iterator[tuple[str, Group, Column]]:
+    def _entries(self) -> Iterator[_Entry]:
+        """Yields all columns, group by group."""
         for group in self.groups:
+            prefix = f"{group.name}." if group.name else ""
             for name, column in group.columns.items():
-                yield (f"{group.name}.{name}" if group.name else name), group, column
+                yield _Entry(prefix + name, name, group, column)
 
 
 def need(module: str, path: Path) -> ModuleType:
-    """Imports a library of a file format; InputError that says what to install."""
+    """Imports a module of a library that reads a file format.
+
+    Raises:
+        InputError: the library is not installed; the message says how to install it.
+    """
     try:
         return importlib.import_module(module)
     except ImportError:
@@ -192,7 +271,7 @@ def need(module: str, path: Path) -> ModuleType:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Scale:
-    """SI value = gain (logged value - zero)."""
+    """A calibration: SI value = gain (logged value - zero)."""
 
     gain: float = 1.0
     zero: float = 0.0
@@ -200,9 +279,9 @@ class _Scale:
     def __post_init__(self):
         """Raises InputError where a logged value would be lost."""
         both = [self.gain, self.zero]
-        numbers = "finite numbers, the gain other than 0"
         fits = self.gain and all(map(math.isfinite, both))
-        expect(fits, "units: [gain, zero]", both, numbers)
+        expected = "finite numbers, the gain other than 0"
+        expect(fits, "units: [gain, zero]", both, expected)
 
 
 Unit = str | _Scale  # A unit's name, or a calibration.
@@ -217,11 +296,22 @@ def spell(text: str) -> str | None:
 def split_suffix(name: str) -> tuple[str, str | None]:
     """A name without the unit that it ends in, and the unit: "x_mm" is x in mm."""
     suffix = _SUFFIX.search(name)
-    return (name[: suffix.start()], spell(suffix[1])) if suffix else (name, None)
+    if suffix is None:
+        return name, None
+    return name[: suffix.start()], spell(suffix[1])
 
 
 def scale_of(unit: Unit, kind: str, source: str) -> _Scale:
-    """Scale of a unit of a kind; the source is for the message."""
+    """Scale of a unit.
+
+    Args:
+        unit: in any spelling, or a calibration.
+        kind: of `UNITS` that it must be of.
+        source: the entry of a mapping or column that has it, for the message.
+
+    Raises:
+        InputError: it is no unit of this kind.
+    """
     if isinstance(unit, _Scale):
         return unit
     factors = UNITS[kind]

@@ -1,6 +1,8 @@
 """The splitting step: a table of several flights becomes a recording of each.
 
-Its flights are known by a column `flight`, or by a time that starts again.
+Its flights are known by a column `flight`, or by a time that starts again. Each group
+is divided by itself; that with the most flights names them, and a group with another
+number of flights, such as a servo log whose time goes on, belongs to all.
 """
 
 import dataclasses
@@ -20,15 +22,20 @@ _Columns = Mapping[str, Any]  # Of a mapping, by quantity.
 
 
 def find_restarts(time: np.ndarray) -> list[int]:
-    """Rows at which times (n,) start again: they fall back, and stay behind."""
+    """Rows at which times (n,) start again: they fall back, and stay behind.
+
+    They stay behind if for `FEWEST_ROWS` rows none reaches the latest time since the
+    start before.
+    """
     known = np.flatnonzero(np.isfinite(time))
     values = time[known]
+    falls = np.flatnonzero(np.diff(values) < 0.0) + 1
     starts = []
     begin = 0
-    for row in (np.flatnonzero(np.diff(values) < 0.0) + 1).tolist():
+    for row in falls.tolist():
         following = values[row : row + FEWEST_ROWS]
-        behind = np.max(following) < np.max(values[begin:row])
-        if len(following) == FEWEST_ROWS and behind:
+        stays_behind = np.max(following) < np.max(values[begin:row])
+        if len(following) == FEWEST_ROWS and stays_behind:
             starts.append(int(known[row]))
             begin = row
     return starts
@@ -37,12 +44,13 @@ def find_restarts(time: np.ndarray) -> list[int]:
 def split_flights(recording: Recording, columns: _Columns) -> list[Recording]:
     """Splits a recording where its column of flights changes or its time restarts.
 
-    A group in which neither happens, such as a servo log whose time goes on, belongs to
-    all flights.
-
     Args:
         recording: of any number of flights.
         columns: those of a mapping; `flight` and `time` by default have these names.
+
+    Returns:
+        A recording of each flight, whose path ends in the flight's name; the recording
+        itself where nothing divides it.
 
     Raises:
         InputError: the mapped column of flights is missing or changes all the time.
@@ -53,22 +61,31 @@ def split_flights(recording: Recording, columns: _Columns) -> list[Recording]:
     longest = max(spans, key=len, default={})
     if len(longest) < 2 and not any(longest):
         return [recording]
-    parts = []
+
+    flights = []
     for k, name in enumerate(longest):
         groups = []
         for group, own in zip(recording.groups, spans, strict=True):
-            rows = [*own.values()]
-            is_split = len(rows) == len(longest)
-            groups.append(_take(group, rows[k]) if is_split else group)
+            if len(own) == len(longest):
+                rows = list(own.values())[k]
+                groups.append(_take(group, rows))
+            else:
+                groups.append(group)
         path = recording.path / name
-        parts.append(dataclasses.replace(recording, path=path, groups=tuple(groups)))
-    return parts
+        flights.append(dataclasses.replace(recording, path=path, groups=tuple(groups)))
+    return flights
 
 
 def _find_spans(
     recording: Recording, group: Group, columns: _Columns
 ) -> dict[str, slice]:
-    """The rows of each flight of a group by its name; "" where it is one."""
+    """Finds the rows of each flight of a group.
+
+    Returns:
+        The rows by the flight's name: its label, where a column of flights has one, or
+        its number. A name that is taken gets a number. {"": all rows} where nothing
+        divides the group; rows without a label are of no flight.
+    """
     labels = _find_labels(recording, group, columns)
     starts = {0, *_find_changes(labels)}
     time = recording.find_times(group, columns.get("time", "time"))
@@ -76,25 +93,38 @@ def _find_spans(
         starts.update(find_restarts(time.values))
     if not labels and len(starts) == 1:
         return {"": slice(0, group.rows)}
+
     spans: dict[str, slice] = {}
     bounds = itertools.pairwise([*sorted(starts), group.rows])
     for k, (start, end) in enumerate(bounds, 1):
-        if labels and not labels[start]:
-            continue
-        label = f"{_FLIGHT} {labels[start]}" if labels else f"part {k}"
-        name = label
+        name = f"part {k}"
+        if labels:
+            if not labels[start]:
+                continue
+            name = f"{_FLIGHT} {labels[start]}"
+        unique = name
         again = 1
-        while name in spans:
+        while unique in spans:
             again += 1
-            name = f"{label} ({again})"
-        spans[name] = slice(start, end)
+            unique = f"{name} ({again})"
+        spans[unique] = slice(start, end)
     return spans
 
 
 def _find_labels(
     recording: Recording, group: Group, columns: _Columns
 ) -> Sequence[str]:
-    """Flight of each row as text, by the column of flights; () where there is none."""
+    """Finds the flight of each row (n,) as text, "" for none.
+
+    A column that is named `flight`, but whose labels change too often for flights, may
+    say something else.
+
+    Returns:
+        The cells of the column of flights; () where there is none.
+
+    Raises:
+        InputError: the labels of the column that is mapped change too often.
+    """
     name = columns.get(_FLIGHT, _FLIGHT)
     column = group.columns.get(name.removeprefix(f"{group.name}."))
     if column is None:
@@ -102,16 +132,18 @@ def _find_labels(
     cells = column.labels
     if cells is None:
         cells = [f"{v:g}" if np.isfinite(v) else "" for v in column.values]
+
     changes = _find_changes(cells)
     found = [cells[row] for row in (0, *changes) if cells and cells[row]]
-    is_short = len(cells) < FEWEST_ROWS * len(found)
-    if _FLIGHT in columns and is_short:
+    if len(cells) >= FEWEST_ROWS * len(found):
+        return cells
+    if _FLIGHT in columns:
         raise InputError(
             f"{recording.path}: columns: flight: '{name}' has {len(set(found))} "
             f"values but changes {len(changes)} times in {len(cells)} rows; expected "
             f"the rows of a flight together, {FEWEST_ROWS} or more of each."
         )
-    return () if is_short else cells  # It may say something else.
+    return ()
 
 
 def _find_changes(labels: Sequence[str]) -> list[int]:

@@ -30,37 +30,48 @@ def is_one(path: Path) -> bool:
 
 
 def read(path: Path) -> Recording:
-    """Reads the messages that have times, each type and instance a group."""
+    """Reads the messages that have times, each type and instance a group.
+
+    A field without a number in any message, as of texts, is no column.
+
+    Raises:
+        InputError: no message has a time.
+    """
     library = need("pymavlink.DFReader", path)
     is_text = path.read_bytes()[:4] == _BEGINNINGS[1]
     kind = library.DFReader_text if is_text else library.DFReader_binary
     rows: dict[str, list[list[float]]] = defaultdict(list)
-    names: dict[str, list[str]] = {}
+    fields_of: dict[str, list[str]] = {}  # Of the rows; those of the first message.
     with (
         contextlib.redirect_stderr(io.StringIO()),  # It reports damaged messages.
         contextlib.closing(kind(str(path))) as log,
     ):
         for message in iter(log.recv_msg, None):
-            name = message.get_type()
             fields = message.get_fieldnames()
-            instance = message.fmt.instance_field
-            if instance and (number := _number(message, instance)) > 0.0:
-                name = f"{name}_{number:.0f}"
             if _TIMES.keys() & fields:
-                known = names.setdefault(name, fields)
+                name = message.get_type()
+                instance = message.fmt.instance_field
+                number = _number(message, instance) if instance else 0.0
+                if number > 0.0:
+                    name = f"{name}_{number:.0f}"
+                known = fields_of.setdefault(name, fields)
                 rows[name].append([_number(message, field) for field in known])
+
     groups = []
     for name, values in rows.items():
-        each = zip(names[name], np.array(values).T, strict=True)
-        columns = {n: Column(v, _TIMES.get(n)) for n, v in each if np.isfinite(v).any()}
-        groups.append(Group(name, columns, next(t for t in _TIMES if t in columns)))
+        columns = {}
+        for field, column in zip(fields_of[name], np.array(values).T, strict=True):
+            if np.isfinite(column).any():
+                columns[field] = Column(column, _TIMES.get(field))
+        time = next(field for field in _TIMES if field in columns)
+        groups.append(Group(name, columns, time))
     if not groups:
         raise InputError(f"{path}: holds no message with a time; expected some.")
     return Recording(path, tuple(groups))
 
 
 def _number(message: Any, field: str) -> float:
-    """Number in a message; nan for a text, and where its format is too short."""
+    """Number in a message; NaN for a text, and where its format is too short."""
     try:
         value = getattr(message, field)
     except (AttributeError, IndexError, ValueError):

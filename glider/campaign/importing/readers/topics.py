@@ -5,6 +5,12 @@ A column is named TOPIC.FIELD, e.g. vehicle_local_position.x or
 MCAP files and bags the time of a row is the message's own stamp where it has one, and
 otherwise when it was recorded. Where a message has an array of bodies with names, as in
 /tf, those of each are TOPIC[NAME].FIELD.
+
+pyulog gives the columns of a ULog at once. From MCAP files and bags messages come one
+by one: dicts, or dataclasses of rosbags, nested to any depth. `_collect` flattens each
+to a row of numbers, and the rows of a topic become a group. A message, or an element of
+its arrays, that has a name (or a number `id`) is about a body; such rows are collected
+by body as well, because the messages of a topic may be of several bodies in turn.
 """
 
 import dataclasses
@@ -21,11 +27,11 @@ from glider.campaign.importing.recording import Column, Group, Recording, need
 from glider.errors import InputError
 
 _TIME = "time"
-_STAMP = "\0stamp"
+_STAMP = "\0stamp"  # Key of a message's own stamp in its row; no field is named so.
 _STAMPS = ("header.stamp", "timestamp", "stamp")
 _SECONDS = ("sec", "secs", "seconds")
 _NANOSECONDS = ("nsec", "nsecs", "nanosec", "nanos")
-_LONGEST = 16  # Numbers of an array that become columns.
+_LONGEST = 16  # Numbers of an array that become columns, at most.
 
 _PX4 = {
     "position": ["vehicle_local_position"],
@@ -40,76 +46,112 @@ _ELEVATOR = 3  # Type of a control surface, in PX4's parameters CA_SV_CS0_TYPE, 
 
 _Decoder = Callable[[bytes], object]
 _Message = tuple[str, int, object]  # Topic, when it was recorded [ns], content.
+_Row = dict[str, float]  # The numbers of a message by name, with _STAMP and _TIME [s].
 
 
 def read_ulog(path: Path) -> Recording:
-    """Reads PX4's topics, their times in microseconds; quaternions are w, x, y, z."""
+    """Reads PX4's topics, their times in microseconds; quaternions are w, x, y, z.
+
+    Raises:
+        InputError: the log has no topic.
+    """
     pyulog = need("pyulog", path)
     with path.open("rb") as stream:  # pyulog leaves a path's file open on errors.
         log = pyulog.ULog(stream)
     groups = []
     for topic in log.data_list:
         name = f"{topic.name}_{topic.multi_id}" if topic.multi_id else topic.name
-        columns = {n: Column(np.asarray(v, float)) for n, v in topic.data.items()}
-        if "timestamp" in columns:
-            columns["timestamp"] = dataclasses.replace(columns["timestamp"], unit="us")
+        columns = {}
+        for field, values in topic.data.items():
+            unit = "us" if field == "timestamp" else None
+            columns[field] = Column(np.asarray(values, float), unit)
         groups.append(Group(name, columns, "timestamp"))
     if not groups:
         raise InputError(f"{path}: holds no topic; expected a log of a flight.")
     recording = Recording(path, tuple(groups), rotation="wxyz")
-    names = recording.names()
+    known = _find_known(recording.names(), log.initial_parameters)
+    return dataclasses.replace(recording, known=known)
+
+
+def _find_known(names: list[str], parameters: dict[str, Any]) -> dict[str, str]:
+    """Finds the columns of the quantities in a log of PX4.
+
+    Args:
+        names: addresses of all columns.
+        parameters: of the autopilot, by name. Where they say which servo moves the
+            elevator, its command counts, and not the moment about the pitch axis.
+
+    Returns:
+        Addresses by quantity: those of single columns, or of topics or arrays that
+        hold a vector.
+    """
     known = {}
     for quantity, topics in _PX4.items():
         for topic in reversed(topics):
-            starts = (f"{topic}.", f"{topic}[")
-            if any(f"{name}.".startswith(starts) for name in names):
+            beginnings = (f"{topic}.", f"{topic}[")
+            if any(f"{name}.".startswith(beginnings) for name in names):
                 known[quantity] = topic
-    surfaces = [log.initial_parameters.get(f"CA_SV_CS{k}_TYPE") for k in range(8)]
-    if _ELEVATOR in surfaces and any(g.name == "actuator_servos" for g in groups):
+
+    surfaces = [parameters.get(f"CA_SV_CS{k}_TYPE") for k in range(8)]
+    if _ELEVATOR in surfaces and any(n.startswith("actuator_servos.") for n in names):
         servo = f"actuator_servos.control[{surfaces.index(_ELEVATOR)}]"
         known["elevator_angle_command"] = servo
-    return dataclasses.replace(recording, known=known)
+    return known
 
 
 def read_bag(path: Path) -> Recording:
     """Reads the topics of a bag; files of definitions may complete it.
 
     They are PACKAGE/msg/NAME.msg, in the folder of the bag or beside it.
+
+    Args:
+        path: the file of ROS 1, or the folder of ROS 2 or the .db3 in it.
+
+    Raises:
+        InputError: no message can be read.
     """
     highlevel = need("rosbags.highlevel", path)
     typesys = need("rosbags.typesys", path)
     bag = path.parent if path.suffix == ".db3" else path
     store = typesys.get_typestore(typesys.Stores.LATEST)
-    types: dict[str, Any] = {}
+    definitions: dict[str, Any] = {}
     for file in sorted({*bag.glob("**/msg/*.msg"), *bag.parent.glob("*/msg/*.msg")}):
         name = f"{file.parts[-3]}/msg/{file.stem}"
-        types |= typesys.get_types_from_msg(file.read_text(), name)
-    store.register({n: t for n, t in types.items() if n not in store.fielddefs})
+        definitions |= typesys.get_types_from_msg(file.read_text(), name)
+    # They must not replace the types of ROS.
+    store.register({n: t for n, t in definitions.items() if n not in store.fielddefs})
+
     with highlevel.AnyReader([bag], default_typestore=store) as reader:
-        types = reader.typestore.types
-        known = [c for c in reader.connections if c.msgtype in types]
-        unread = {
-            other.topic: (
+        known = []
+        unread = {}
+        for connection in reader.connections:
+            if connection.msgtype in reader.typestore.types:
+                known.append(connection)
+                continue
+            unread[connection.topic] = (
                 f"the bag lacks the definition of its type; expected a file "
-                f"{other.msgtype}.msg beside the bag, or the bag as MCAP ('ros2 bag "
-                "convert', where the package is installed)"
+                f"{connection.msgtype}.msg beside the bag, or the bag as MCAP ('ros2 "
+                "bag convert', where the package is installed)"
             )
-            for other in reader.connections
-            if other.msgtype not in types
-        }
+        found = reader.messages(known) if known else ()  # Of [] it would read all.
         messages = (
             (connection.topic, recorded, reader.deserialize(data, connection.msgtype))
-            for connection, recorded, data in (reader.messages(known) if known else ())
+            for connection, recorded, data in found
         )
         return _collect(path, messages, unread)
 
 
 def read_mcap(path: Path) -> Recording:
-    """Reads messages in JSON, or those of ROS 1 and 2."""
+    """Reads messages in JSON, or those of ROS 1 and 2.
+
+    Raises:
+        InputError: no message can be read.
+    """
     reader = need("mcap.reader", path)
     unread: dict[str, str] = {}
 
     def messages(stream: BinaryIO) -> Iterator[_Message]:
+        """Yields the messages that can be read; notes the topics of others."""
         decoders: dict[int, _Decoder | None] = {}
         for schema, channel, message in reader.make_reader(stream).iter_messages():
             if channel.id not in decoders:
@@ -128,7 +170,10 @@ def read_mcap(path: Path) -> Recording:
 
 
 def _make_decoder(schema: Any, channel: Any, path: Path) -> _Decoder | None:
-    """What makes an object of a channel's messages; None if nothing does."""
+    """Makes the function that decodes a channel's messages; None if they are unknown.
+
+    Definitions of ROS 1 lack the "/msg/" that rosbags expects in a type's name.
+    """
     encoding = channel.message_encoding
     if encoding == "json":
         return json.loads
@@ -145,65 +190,107 @@ def _make_decoder(schema: Any, channel: Any, path: Path) -> _Decoder | None:
 def _collect(
     path: Path, messages: Iterable[_Message], unread: dict[str, str]
 ) -> Recording:
-    """All topics."""
-    topics: dict[str, list[dict[str, float]]] = defaultdict(list)
+    """Makes a recording of all messages.
+
+    Args:
+        path: of the recording.
+        messages: of all topics, in the order of the file.
+        unread: why topics cannot be read; may grow while messages are read.
+
+    Raises:
+        InputError: no message can be read.
+    """
+    # Rows by topic, and by TOPIC[NAME] for bodies.
+    topics: dict[str, list[_Row]] = defaultdict(list)
+    # Names of bodies by topic and place in its messages: "", or FIELD[i] of a list.
     bodies: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
-    """By topic and place in its messages, which bodies stand there."""
     for topic, recorded, message in messages:
-        row = dict(_leaves("", message))
-        times = {_STAMP: _find_stamp(row, 0.0), _TIME: recorded * 1e-9}
-        topics[topic].append(row | times)
+        row = _make_row(message, recorded, 0.0)
+        topics[topic].append(row)
+
+        # Bodies that the message, or an element of its lists, is about.
         parts = [("", message)]
         for field, value in _fields(message).items():
             if isinstance(value, (list, tuple)):
                 parts += [(f"{field}[{i}]", part) for i, part in enumerate(value)]
         for place, body in parts:
-            if name := _name(body):
+            name = _name(body)
+            if name:
                 bodies[topic][place].add(name)
-                own = dict(_leaves("", body))
-                stamp = _find_stamp(own, times[_STAMP])
-                topics[f"{topic}[{name}]"].append(own | times | {_STAMP: stamp})
+                own = _make_row(body, recorded, row[_STAMP])
+                topics[f"{topic}[{name}]"].append(own)
+
     for topic, places in bodies.items():
-        if len(names := places[""]) == 1:  # It need not be named.
+        # Where all messages are of one body, the group of the topic is enough.
+        names = places[""]
+        if len(names) == 1:
             del topics[f"{topic}[{min(names)}]"]
-        if len(most := max(places.values(), key=len)) > 1:
+        # Where a place has several bodies, the rows of the topic mix them.
+        most = max(places.values(), key=len)
+        if len(most) > 1:
             del topics[topic]
-            each = ", ".join(f"{topic}[{own}]" for own in sorted(most)[:6])
+            each = ", ".join(f"{topic}[{name}]" for name in sorted(most)[:6])
             unread[topic] = (
                 f"its messages are of {len(most)} bodies in turn; expected a column of "
                 f"one: {each}"
             )
+
     groups = [_make_group(topic, rows) for topic, rows in topics.items()]
     if not groups:
-        words = "; ".join(f"'{topic}': {why}" for topic, why in unread.items())
-        why = words or "it has none"
-        raise InputError(f"{path}: holds no message that can be read: {why}.")
+        reasons = "; ".join(f"'{topic}': {why}" for topic, why in unread.items())
+        raise InputError(
+            f"{path}: holds no message that can be read: {reasons or 'it has none'}."
+        )
     return Recording(path, tuple(groups), up="z", unread=unread)
 
 
-def _make_group(topic: str, rows: list[dict[str, float]]) -> Group:
+def _make_row(message: object, recorded: int, stamp: float) -> _Row:
+    """Makes a row of a message, or of a body in it.
+
+    Args:
+        message: object with fields.
+        recorded: time when it was recorded [ns].
+        stamp: that of the whole message, which counts where a body in it has none of
+            its own; 0 where there is none [s].
+    """
+    row = dict(_leaves("", message))
+    row[_STAMP] = _find_stamp(row, stamp)
+    row[_TIME] = recorded * 1e-9
+    return row
+
+
+def _make_group(topic: str, rows: list[_Row]) -> Group:
+    """Makes a group of rows, which need not have the same names; they lose _STAMP.
+
+    Its times are the stamps of the messages, or, if none has a stamp, when they were
+    recorded.
+    """
     stamps = [row.pop(_STAMP) for row in rows]
-    recorded = [row[_TIME] for row in rows]
-    times = np.array(stamps if any(stamps) else recorded)
-    names = dict.fromkeys(name for row in rows for name in row)
-    columns = {
-        name: Column(np.array([row.get(name, np.nan) for row in rows]))
-        for name in names
-    }
+    columns = {}
+    for name in dict.fromkeys(itertools.chain(*rows)):
+        columns[name] = Column(np.array([row.get(name, np.nan) for row in rows]))
+    times = np.array(stamps) if any(stamps) else columns[_TIME].values
     columns[_TIME] = Column(times, "s")
     return Group(topic, columns, _TIME)
 
 
 def _fields(message: object) -> dict[str, Any]:
-    """The fields of a message by name; none of a number or an array."""
+    """The fields of a message by name; none of a number or an array.
+
+    Names with two underscores are those of rosbags itself.
+    """
     fields = message if isinstance(message, dict) else {}
     if dataclasses.is_dataclass(message):
         fields = vars(message)
-    return {name: own for name, own in fields.items() if not name.startswith("__")}
+    return {name: value for name, value in fields.items() if not name.startswith("__")}
 
 
 def _name(message: object) -> str:
-    """The name, or the number, of the body that a message is about; "": of none."""
+    """The name of the body that a message is about, or its number; "" if it has none.
+
+    The name is the first text that is not empty in a field `child_frame_id` or
+    `...name`, the number that in a field `id`.
+    """
     fields = _fields(message)
     for field, value in fields.items():
         is_name = field == "child_frame_id" or field.endswith("name")
@@ -214,7 +301,14 @@ def _name(message: object) -> str:
 
 
 def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
-    """Yields the numbers in a message, by their names with dots."""
+    """Yields the numbers in a message, by their names with dots.
+
+    Of {"p": {"x": 1.0}, "q": [2.0, 3.0]} it yields p.x, q[0] and q[1].
+
+    Args:
+        name: of the value; "" for the message itself.
+        value: a message, a list or an array, or a number; texts have no numbers.
+    """
     if isinstance(value, (bool, int, float, np.number)):
         yield name, float(value)
     elif isinstance(value, (list, tuple, np.ndarray)) and len(value) <= _LONGEST:
@@ -224,11 +318,16 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, float]]:
         yield from _leaves(f"{name}.{field}" if name else field, part)
 
 
-def _find_stamp(row: dict[str, float], default: float) -> float:
-    """The time [s] that a message itself has."""
+def _find_stamp(row: _Row, default: float) -> float:
+    """The time that a message itself has, in seconds and nanoseconds [s].
+
+    Args:
+        row: numbers of the message by name.
+        default: what is returned where it has none [s].
+    """
     for stamp, second, fraction in itertools.product(_STAMPS, _SECONDS, _NANOSECONDS):
         seconds = row.get(f"{stamp}.{second}")
-        rest = row.get(f"{stamp}.{fraction}")
-        if seconds is not None and rest is not None:
-            return seconds + 1e-9 * rest
+        nanoseconds = row.get(f"{stamp}.{fraction}")
+        if seconds is not None and nanoseconds is not None:
+            return seconds + 1e-9 * nanoseconds
     return default
