@@ -18,8 +18,9 @@ import numpy as np
 import yaml
 
 from glider.campaign.checks.forces import fit_elevator, measure_motions
-from glider.campaign.checks.frame import SIGNIFICANT, check_signs
+from glider.campaign.checks.frame import SIGNIFICANT
 from glider.campaign.checks.servo import follow_sign, measure_elevators
+from glider.campaign.checks.signs import check_signs
 from glider.campaign.importing.campaign_import import (
     as_files,
     cut_recordings,
