@@ -16,12 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from examples.perch_corrected import rehearse
-from glider.campaign.checks.forces import (
-    _UNKNOWN,
-    Motions,
-    _measure_fall,
-    measure_motions,
-)
+from glider.campaign.checks.fall import _UNKNOWN, _measure_fall
+from glider.campaign.checks.forces import Motions, measure_motions
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.motion import Motion
 from glider.campaign.logs import Campaign

@@ -58,7 +58,7 @@ def make_campaign(
     if mapping is None:
         return with_flights(campaign, recordings)
     # SciPy's rotations are slow to import: only where there is a mapping.
-    from glider.campaign.checks.frame import check_signs
+    from glider.campaign.checks.signs import check_signs
     from glider.campaign.importing.campaign_import import cut_recordings
 
     made = cut_recordings(recordings, mapping, campaign, are_flights=True).campaign

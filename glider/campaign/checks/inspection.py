@@ -1,13 +1,17 @@
-"""All checks of a campaign in their order: what is kept, corrected and excluded."""
+"""All checks of a campaign in their order: what is kept, corrected and excluded.
+
+An `Inspection` passes from check to check. Each excludes rows in its masks, or flights
+of its campaign, and refuses a campaign of which too little remains.
+"""
 
 import dataclasses
-import functools
 import math
 from collections.abc import Callable
 
 import numpy as np
 
-from glider.campaign.checks.forces import check_fall, measure_motions
+from glider.campaign.checks.fall import check_fall
+from glider.campaign.checks.forces import measure_motions
 from glider.campaign.checks.frame import check_frame, check_tail
 from glider.campaign.checks.masks import (
     ALL,
@@ -36,17 +40,27 @@ _BEYOND = "pose: beyond a gap whose commands are not known"
 
 
 def inspect(campaign: Campaign) -> Inspection:
-    """Checks a campaign before anything is traced; refuses one of no use."""
+    """Checks a campaign before anything is traced.
+
+    The order matters: each check relies on what those before it have excluded.
+
+    Returns:
+        The flights that remain, their masks sorted by name, and all that was found.
+
+    Raises:
+        InputError: the campaign is of no use, with the reason.
+    """
     campaign, of_stamps = _with_even_times(campaign)
     found = find_faults(campaign)
     found = _drop(found, _find_copies(campaign), least=0.0)
     check_follows(found.campaign, measure_elevators(found.campaign, found.masks))
     off_rates = check_rates(found.campaign)
     found = _drop(found, _find_servoless(found))
-    hands = functools.partial(find_hand, gravity=campaign.gravity)
-    found = _exclude(found, hands, _PUSHED)
+    gravity = campaign.gravity
+    found = _exclude(found, lambda f, usable: find_hand(f, usable, gravity), _PUSHED)
     check_frame(found.campaign, measure_motions(found.campaign.flights, found.masks))
     found = _exclude(found, find_rolled, _ROLLED)
+
     # Until here poses counted, whatever the servo did.
     masks = found.masks
     found = _exclude(found, lambda flight, _: masks[flight.name].beyond, _BEYOND)
@@ -55,7 +69,8 @@ def inspect(campaign: Campaign) -> Inspection:
     warnings = check_fall(kept, motions)
     check_commands(kept)
     warnings += check_travel(kept, measure_elevators(kept, masks))
-    warnings += check_tail(kept, motions)
+    check_tail(kept, motions)
+
     names = sorted(flight.name for flight in kept.flights)
     return Inspection(
         campaign=kept,
@@ -66,16 +81,25 @@ def inspect(campaign: Campaign) -> Inspection:
 
 
 def _with_even_times(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
-    """Restores even steps of flights whose stamps jitter, and warns of them."""
+    """Restores even steps of flights whose stamps jitter, and warns of them.
+
+    The servo's columns have these stamps, too: the largest jitter adds to the standard
+    error of their times.
+
+    Returns:
+        The campaign, and the sentence on it if any flight has other times.
+    """
     logs = [(flight.time, flight.pose[:, :2]) for flight in campaign.flights]
     found, words = find_even_times(logs, campaign.pose_rate)
     if not words:
         return campaign, ()
-    flights = []
-    for flight, even in zip(campaign.flights, found, strict=True):
-        time = flight.time if even is None else even.at(flight.time)
-        flights.append(dataclasses.replace(flight, time=time))
-    jitter = max(0.0 if even is None else even.jitter for even in found)
+    flights = list(campaign.flights)
+    jitter = 0.0
+    for i, even in enumerate(found):
+        if even is not None:
+            time = even.at(flights[i].time)
+            flights[i] = dataclasses.replace(flights[i], time=time)
+            jitter = max(jitter, even.jitter)
     error = math.hypot(campaign.servo.clock_std, jitter)
     servo = dataclasses.replace(campaign.servo, clock_std=error)
     return dataclasses.replace(campaign, flights=tuple(flights), servo=servo), (words,)
@@ -84,7 +108,13 @@ def _with_even_times(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
 def _drop(
     found: Inspection, reasons: dict[str, str], least: float = _MIN_SHARE
 ) -> Inspection:
-    """Excludes flights by name; refuses a campaign of which too few remain."""
+    """Excludes whole flights, and refuses a campaign of which too few remain.
+
+    Args:
+        found: what is excluded so far.
+        reasons: why flights are excluded, by their names.
+        least: share of the flights that must remain.
+    """
     campaign = found.campaign
     flights = campaign.flights
     kept = tuple(flight for flight in flights if flight.name not in reasons)
@@ -105,9 +135,15 @@ def _drop(
 def _exclude(
     found: Inspection, find: Callable[[Flight, np.ndarray], np.ndarray], why: str
 ) -> Inspection:
-    """Excludes the rows that `find` finds in each flight, given its usable ones.
+    """Excludes rows of each flight, and flights of which too few rows remain.
 
-    Also flights of which too few rows are kept, or too scattered ones.
+    Those that remain must be long enough, and not be scattered among faulty ones; rows
+    that repeat the one before do not count as faulty.
+
+    Args:
+        found: what is excluded so far; its masks change.
+        find: finds flags of rows (n,) of a flight, given its usable rows (n,).
+        why: the reason.
     """
     reasons = {}
     excluded = []
@@ -119,16 +155,18 @@ def _exclude(
             mask.pose[flags] = True
             excluded.append(ExcludedRows(flight.name, name_rows(flags), why))
             cause = f" ({why})"
+
         rows = np.flatnonzero(mask.usable)
-        span = np.ptp(flight.time[rows]) if len(rows) else 0.0
-        if len(rows) < _MIN_ROWS or span < _MIN_SPAN:
+        if len(rows) < _MIN_ROWS or np.ptp(flight.time[rows]) < _MIN_SPAN:
             reasons[flight.name] = (
                 f"only {len(rows)} rows of it show a flight; expected at least "
                 f"{_MIN_ROWS} over {_MIN_SPAN} s{cause}"
             )
             continue
+
         fresh = ~find_repeats(flight.pose, 2)
-        if len(rows) < _MIN_DENSITY * np.sum(fresh[rows[0] : rows[-1] + 1]):
+        measured = np.sum(fresh[rows[0] : rows[-1] + 1])
+        if len(rows) < _MIN_DENSITY * measured:
             reasons[flight.name] = "most of its rows are faulty"
     found = dataclasses.replace(found, excluded=found.excluded + tuple(excluded))
     return _drop(found, reasons)
@@ -146,11 +184,12 @@ def _find_copies(campaign: Campaign) -> dict[str, str]:
 
 
 def _find_servoless(found: Inspection) -> dict[str, str]:
-    """Flights whose elevator is faulty in most rows, with the reason."""
+    """Flights whose elevator is faulty in most usable rows, with the reason."""
     reasons = {}
     for flight in found.campaign.flights:
         mask = found.masks[flight.name]
-        share = np.mean(mask.elevator[mask.usable]) if mask.usable.any() else 0.0
+        is_faulty = mask.elevator[mask.usable]
+        share = np.sum(is_faulty) / max(len(is_faulty), 1)
         if share > _MAX_FAULTY:
             words = f"{100 * share:.0f} % of the rows of its elevator are faulty"
             reasons[flight.name] = words

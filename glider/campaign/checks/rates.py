@@ -1,7 +1,8 @@
 """Do rows and commands come at the rates that the campaign has?
 
 A clock that runs 5 % slow makes gravity and every force 10 % less: other effects
-explain that well. Only the rates of rows (the cameras') and commands show it.
+explain that well. Only the rates of rows (the cameras') and commands show it: one of
+them off is a warning, both off by the same share are the clock.
 """
 
 import math
@@ -26,23 +27,23 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
 
     Refuses commands that are off by the same share: the clock of the log is wrong.
     """
-    if campaign.pose_rate is None:
+    claimed = campaign.pose_rate
+    if claimed is None:
         return ()
-    times = [flight.time for flight in campaign.flights]
-    rows = _calc_pace(times, campaign.pose_rate)
+    rows = _calc_pace([flight.time for flight in campaign.flights], claimed)
     if abs(rows - 1.0) < _OFF:
         return ()
     words = (
-        f"rows come at {campaign.pose_rate / rows:.4g} Hz where field 'pose_rate' "
-        f"says {campaign.pose_rate:.4g}"
+        f"rows come at {claimed / rows:.4g} Hz where field 'pose_rate' "
+        f"says {claimed:.4g}"
     )
     rate = campaign.command_rate
     if rate is not None and campaign.elevator == "servo":
-        begins = []
+        changes = []
         for flight in campaign.flights:
             is_new = np.diff(np.asarray(flight.command)) != 0.0
-            begins.append(flight.time[1:][is_new])
-        commands = _calc_pace(begins, rate)
+            changes.append(flight.time[1:][is_new])
+        commands = _calc_pace(changes, rate)
         if abs(commands - rows) < _OFF:
             campaign.refuse(
                 f"{words}, and commands at {rate / commands:.4g} Hz "
@@ -55,14 +56,14 @@ def check_rates(campaign: Campaign) -> tuple[str, ...]:
 def check_commands(campaign: Campaign) -> None:
     """Refuses commands that change more often than they come: no servo got them."""
     rate = campaign.switch_rate
-    if rate is None or math.isinf(rate) or campaign.elevator != "servo":
+    if rate is None or campaign.elevator != "servo":
         return
     changes = []
     for flight in campaign.flights:
         count = np.count_nonzero(np.diff(np.asarray(flight.command)))
-        duration = float(flight.time[-1] - flight.time[0])
+        duration = flight.time[-1] - flight.time[0]
         changes.append((count - 1) / max(duration, 1.0 / rate))
-    usual = float(np.median(changes))
+    usual = np.median(changes)
     if usual > _MORE * rate:
         campaign.refuse(
             f"column 'elevator_rate_command' changes {usual:.3g} "
@@ -72,13 +73,19 @@ def check_commands(campaign: Campaign) -> None:
 
 
 def _calc_pace(clocks: Sequence[np.ndarray], rate: float) -> float:
-    """How much longer ticks last than at a rate [Hz]; 1 where few are seen."""
+    """How much longer ticks last than at a rate; 1 where few are seen.
+
+    Args:
+        clocks: times (n,) of each flight, a whole number of ticks apart [s].
+        rate: [Hz].
+    """
     steps = np.concatenate([np.diff(clock) for clock in clocks]) * rate
     ticks = np.round(steps)
     is_counted = (ticks >= 1) & (ticks <= _MOST_TICKS)
     if np.sum(is_counted) < max(_FEWEST, 0.8 * len(steps)):
         return 1.0
-    return float(np.sum(steps[is_counted]) / np.sum(ticks[is_counted]))
+    total = np.sum(steps[is_counted])
+    return total / np.sum(ticks[is_counted])
 
 
 def claim_scale(
@@ -88,9 +95,19 @@ def claim_scale(
     parts: tuple[float, float],
     words: str,
 ) -> tuple[str, ...]:
-    """Warns of a ratio that is off by one of two parts, and refuses the other."""
-    if abs(math.log(ratio)) < least or abs(ratio - 1.0) < parts[0]:
+    """Warns of a ratio that is certainly off by one part, and refuses a larger one.
+
+    Args:
+        campaign: named in the refusal.
+        ratio: of what flights show to what is claimed.
+        least: logarithm of the ratio below which it may be chance.
+        parts: by which it may be off without a warning, and without a refusal.
+        words: sentence on it, without its end.
+    """
+    off = abs(ratio - 1.0)
+    warned, refused = parts
+    if abs(math.log(ratio)) < least or off < warned:
         return ()
-    if abs(ratio - 1.0) > parts[1]:
+    if off > refused:
         campaign.refuse(f"{words}.")
     return (f"{SCALE} {words}.",)

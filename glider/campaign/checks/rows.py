@@ -3,6 +3,10 @@
 A glider moves smoothly, and cameras have noise. A body in free fall cannot stay where
 it is: from rest it falls 18 mm in 60 ms. Air takes energy from a glider: what
 accelerates it along its path is a hand. Rows are excluded, never corrected.
+
+`find_faults` marks them in all flights, `find_hand` where a hand lets go later than the
+log begins. What repeats or fills rows is found in any recording, before an import cuts
+it into flights. Flags of rows are (n,), True in faulty ones.
 """
 
 from collections.abc import Sequence
@@ -19,7 +23,6 @@ from glider.campaign.checks.masks import (
     stretches,
 )
 from glider.campaign.checks.motion import (
-    FEWEST_ROWS,
     PUSH,
     calc_drive,
     calc_motion,
@@ -73,6 +76,9 @@ def find_faults(campaign: Campaign) -> Inspection:
     The noise is measured on all flights: one bad flight does not hide itself. For false
     alarms see `_THRESHOLD` in smoothness; a row that sticks out by 4 noises or less
     passes.
+
+    Returns:
+        The campaign with all flights, their masks, and what to report.
     """
     flights = campaign.flights
     scale = _measure_scale([(flight.time, flight.pose) for flight in flights])
@@ -84,30 +90,26 @@ def find_faults(campaign: Campaign) -> Inspection:
     stopped = 0
     for flight in flights:
         name = flight.name
-        of_pose = _pose_faults(flight, scale)
+        of_pose = _find_pose_faults(flight, scale)
         of_servo = of_servos.get(name, {})
-        pose = np.any([*of_pose.values()], axis=0)
-        elevator = np.any([0.0 * pose, *of_servo.values()], axis=0)
+        mask = _make_masks(flight, of_pose, of_servo)
         again = of_pose.pop(_AGAIN)
         for why, flags in (of_pose | of_servo).items():
             if flags.any():
                 excluded.append(ExcludedRows(name, name_rows(flags), why))
-        piece = _pieces_with_commands(flight)
-        longest = np.argmax(np.bincount(piece, weights=~pose))
-        first, last = np.searchsorted(piece, [longest, longest + 1]).tolist()
-        masks[name] = Masks(pose=pose, elevator=elevator, first=first, last=last)
-        steps = np.diff(flight.time)
-        usual = float(np.median(steps))
-        for i in np.flatnonzero(steps > _LONG_STEP * usual):
-            gap = f"{round(steps[i] / usual) - 1} rows ({steps[i]:.3g} s)"
-            warnings.append(f"{name}: a gap of {gap} after row {i + 2}")
-        repeated += int(np.sum(again))
-        stopped += int(pose[~again][-1])
+        masks[name] = mask
+        warnings += _report_gaps(flight)
+        repeated += np.sum(again)
+        stopped += mask.pose[~again][-1]
+
     warnings += _find_filter(campaign, masks)
     if repeated:
         rows = sum(len(flight.time) for flight in flights)
         warnings.append(f"{repeated} of {rows} rows {_AGAIN}: they are not used")
-    if stopped > _STOPPED * len(flights):  # Within a row a stop can hide in noise.
+
+    # Where flights end in a contact, the last rows of the others may be touched, too:
+    # within a row a stop can hide in noise.
+    if stopped > _STOPPED * len(flights):
         for name, mask in masks.items():
             for last in np.flatnonzero(mask.usable)[-1:]:
                 mask.pose[last] = True
@@ -120,19 +122,64 @@ def find_faults(campaign: Campaign) -> Inspection:
     )
 
 
+def _make_masks(
+    flight: Flight, of_pose: dict[str, np.ndarray], of_servo: dict[str, np.ndarray]
+) -> Masks:
+    """Joins the flags of all reasons to masks, and finds the piece that is used.
+
+    Gaps that hide commands cut a flight into pieces: the one with most usable poses is
+    used. Without a servo there is one piece.
+
+    Args:
+        flight: of n rows.
+        of_pose: flags (n,) of the pose's faults, by the reason.
+        of_servo: flags (n,) of the elevator's faults, by the reason.
+    """
+    pose = np.any([*of_pose.values()], axis=0)
+    elevator = np.zeros_like(pose)
+    for flags in of_servo.values():
+        elevator |= flags
+
+    steps = np.diff(flight.time)
+    longest = max(_UNCOMMANDED, _LONG_STEP * np.median(steps))
+    is_cut = (steps > longest) & (flight.command is not None)
+    piece = np.append(0, np.cumsum(is_cut))
+    used = np.argmax(np.bincount(piece, weights=~pose))
+    first, last = np.searchsorted(piece, [used, used + 1]).tolist()
+    return Masks(pose=pose, elevator=elevator, first=first, last=last)
+
+
+def _report_gaps(flight: Flight) -> list[str]:
+    """Sentences on steps of a log that are much longer than the others.
+
+    They name the line of the file before the gap.
+    """
+    steps = np.diff(flight.time)
+    usual = np.median(steps)
+    sentences = []
+    for i in np.flatnonzero(steps > _LONG_STEP * usual):
+        gap = f"{round(steps[i] / usual) - 1} rows ({steps[i]:.3g} s)"
+        sentences.append(f"{flight.name}: a gap of {gap} after row {i + 2}")
+    return sentences
+
+
 def _find_filter(campaign: Campaign, masks: dict[str, Masks]) -> list[str]:
-    """Warns of poses that were filtered: noise has one sign from row to row."""
+    """Warns of poses that were filtered: noise has one sign from row to row.
+
+    Neighboring fourth differences of white noise mostly have opposite signs. Logs of a
+    low rate, or of few rows, show the motion in them or nothing.
+    """
     noises = []
     neighbors = []
     for flight in campaign.flights:
         usable = masks[flight.name].usable
-        own = fourth_differences(flight.time[usable], flight.pose[usable, :2])[0]
+        own, _ = fourth_differences(flight.time[usable], flight.pose[usable, :2])
         noises.append(own)
         neighbors.append(own[1:] * own[:-1] > 0.0)
     is_alike = np.concatenate(neighbors)
     if campaign.row_rate < _FAST_LOG or len(is_alike) < _FEWEST_NOISES:
         return []
-    share = float(np.min(np.mean(is_alike, axis=0)))
+    share = np.min(np.mean(is_alike, axis=0))
     if share < _COLORED:
         return []
     noise = np.max(robust_std(np.concatenate(noises)))
@@ -143,30 +190,32 @@ def _find_filter(campaign: Campaign, masks: dict[str, Masks]) -> list[str]:
     ]
 
 
-def _pieces_with_commands(flight: Flight) -> np.ndarray:
-    """The piece that each row is in (n,): gaps that hide commands are cut."""
-    steps = np.diff(flight.time)
-    longest = max(_UNCOMMANDED, _LONG_STEP * float(np.median(steps)))
-    is_gap = (steps > longest) & (flight.command is not None)
-    return np.append(0, np.cumsum(is_gap))
+def _find_pose_faults(flight: Flight, scale: np.ndarray) -> dict[str, np.ndarray]:
+    """Finds the faults of a pose; rows with one reason are not asked for the next.
 
+    Args:
+        flight: of n rows.
+        scale: noise and last digits (2, 3), as of `_measure_scale`.
 
-def _pose_faults(flight: Flight, scale: np.ndarray) -> dict[str, np.ndarray]:
-    """Faulty rows (n,) of the pose, by the reason."""
+    Returns:
+        Flags (n,), by the reason.
+    """
     time = flight.time
     pose = flight.pose
     unknown = ~np.isfinite(pose).all(axis=1)
     frozen = find_repeats(pose, _EQUAL_POSES)
     again = _find_held(pose, scale, 2) & ~frozen
-    for k in range(3):  # One column alone is frozen later than all.
+    for k in range(3):  # One column alone may be equal by chance for longer.
         frozen |= _find_held(pose[:, [k]], scale[:, [k]], _EQUAL_NUMBERS)
     filled = find_filled(time, pose[:, :2]) & ~(again | frozen)
     turned = _find_turned_over(flight)
     usable = ~(unknown | again | frozen | filled | turned)
     standing = _find_standing(flight, usable)
     usable &= ~standing
-    own = measure_noise(time[usable], pose[usable])
-    track = Rows(time, pose, np.clip(own, scale[0], 3.0 * scale[0]))
+
+    # A flight may be noisier than the others, but by so much only.
+    noise = measure_noise(time[usable], pose[usable])
+    track = Rows(time, pose, np.clip(noise, scale[0], 3.0 * scale[0]))
     sticks_out, displaced, touched = find_one_motion(track, usable)
     return {
         "pose: is not a number": unknown,
@@ -182,7 +231,7 @@ def _pose_faults(flight: Flight, scale: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _find_turned_over(flight: Flight) -> np.ndarray:
-    """Rows (n,) between jumps of the axis to the left that no body can turn by.
+    """Flags of rows between jumps of the axis to the left that no body can turn by.
 
     Each jump exchanges markers, or undoes it; most rows are right. (Where markers are
     exchanged so that the axis stays, the pitch jumps.)
@@ -191,117 +240,166 @@ def _find_turned_over(flight: Flight) -> np.ndarray:
         return np.zeros(len(flight.time), dtype=bool)
     _, roll, yaw = flight.attitude.T
     left = body_axes(flight.pose[:, 2], roll, yaw)[:, :, 1]
-    is_jump = np.sum(left[:-1] * left[1:], axis=1) < np.cos(_TURN)
-    is_jump &= np.diff(flight.time) < _TURN / _TURNING
-    turned = np.cumsum(np.append(0, is_jump)) % 2 == 1
+
+    cosine = np.sum(left[:-1] * left[1:], axis=1)
+    is_quick = np.diff(flight.time) < _TURN / _TURNING
+    is_jump = (cosine < np.cos(_TURN)) & is_quick
+    jumps = np.cumsum(np.append(0, is_jump))
+    turned = jumps % 2 == 1
     return turned if np.mean(turned) < 0.5 else ~turned
 
 
 def measure_noise(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Standard deviations (k,) of the noise of columns (n, k)."""
+    """Standard deviations (k,) of the noise of columns; zeros of less than five rows.
+
+    Args:
+        time: (n,), increasing [s].
+        values: (n, k).
+    """
     differences, _ = fourth_differences(time, values)
-    return robust_std(differences) if len(differences) else np.zeros(values.shape[1])
+    if len(differences) == 0:
+        return np.zeros(values.shape[1])
+    return robust_std(differences)
 
 
 def _measure_scale(logs: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Noise and last digits (2, k) of logs: times (n,), columns (n, k), no repeats.
+    """Noise and last digits (2, k) of logs by the same cameras.
 
-    Second differences are small multiples of the last digit.
+    Second differences are multiples of the last digit, and the smallest is taken for
+    it: infinite of a column that never bends. Rows that repeat others do not count.
+
+    Args:
+        logs: times (n,) and columns (n, k) of each.
     """
     noises = []
-    steps = []
+    bends = []
     for time, values in logs:
         fresh = np.isfinite(values).all(axis=1) & ~find_repeats(values, 2)
         noises.append(measure_noise(time[fresh], values[fresh]))
-        steps.append(np.diff(values[fresh], 2, axis=0))
-    sizes = np.round(np.abs(np.concatenate(steps)), _DECIMALS)
+        bends.append(np.diff(values[fresh], 2, axis=0))
+    sizes = np.round(np.abs(np.concatenate(bends)), _DECIMALS)
     digits = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
     return np.stack([np.median(noises, axis=0), digits])
 
 
 def find_stale(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Rows (n,) of a recording (n, k) that repeat the one before, but move on."""
-    return _find_held(values, _measure_scale([(time, values)]), 2)
+    """Flags of rows that repeat the one before though the body moves on.
+
+    Args:
+        time: (n,) of a recording, increasing [s].
+        values: (n, k).
+    """
+    scale = _measure_scale([(time, values)])
+    return _find_held(values, scale, 2)
 
 
 def find_filled(time: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Rows (n,) of positions (n, k) that software put on a straight line.
+    """Flags of rows of positions (n, k) that software put on a straight line.
 
     Second differences of what cameras measure have noise; of rows that fill a gap, but
-    for rounding, they are zero in all columns at once.
+    for rounding, they are zero in all columns at once. Positions of few digits do not
+    show it.
+
+    Args:
+        time: (n,), increasing [s].
+        position: (n, k), of which columns that never bend do not count [m].
     """
     noise, digits = _measure_scale([(time, position)])
     moves = np.isfinite(digits)
     noise = noise[moves]
-    is_filled = np.zeros(len(time), dtype=bool)
     is_fine = noise > _LEAST_NOISE * digits[moves]
-    if len(time) < 3 or not moves.any() or not is_fine.all():
-        return is_filled
+
+    # The way by which row i + 1 departs from the line through its neighbors.
     steps = np.diff(time)[:, None]
     slopes = np.diff(position[:, moves], axis=0) / steps
     bends = np.diff(slopes, axis=0) * np.minimum(steps[:-1], steps[1:])
     is_straight = np.all(np.abs(bends) <= _STRAIGHT * noise, axis=1)
-    is_straight &= np.any(slopes[1:] != 0.0, axis=1)
+    is_straight &= np.any(slopes[1:] != 0.0, axis=1) & is_fine.all()
+
+    is_filled = np.zeros(len(time), dtype=bool)
     for first, last in stretches(is_straight):
         is_filled[first + 1 : last + 2] = last - first + 1 >= _FEWEST_FILLED
     return is_filled
 
 
 def _find_held(values: np.ndarray, scale: np.ndarray, least: int) -> np.ndarray:
-    """Rows (n,) that repeat the one before, of `least` equal ones, though a body moves.
+    """Flags of rows that repeat the one before though a body moves.
 
     A camera that measures again measures another number, but for its last digit and
     noise: equal rows of a body that then moves on by several of these are the last
     pose, sent again. A slow body, in coarse digits, repeats what was measured. Or all
     columns are noisier than their digits by so much that many equal numbers cannot be.
+
+    Args:
+        values: (n, k).
+        scale: noise and last digits (2, k).
+        least: number of equal rows below which they pass.
     """
     held = np.zeros(len(values), dtype=bool)
     noise, digits = scale
     surely = np.maximum(_SURELY * noise, _QUANTA * digits)
     is_noisy = least >= _EQUAL_NUMBERS and np.all(noise > _NOISY * digits)
+
     for first, last in stretches(find_repeats(values, least)):
-        beside = last + 1 if last + 1 < len(values) else first - 2
+        beside = last + 1  # The row after them; at the end of a log, that before.
+        if beside == len(values):
+            beside = first - 2
         moved = np.abs(values[beside] - values[last])
         held[first : last + 1] = is_noisy or np.any(moved > surely)
     return held
 
 
 def _find_servo_faults(campaign: Campaign) -> dict[str, dict[str, np.ndarray]]:
-    """Rows (n,) of elevators that stick out or are frozen, by flight and reason."""
+    """Finds where measured elevators stick out or are frozen.
+
+    An angle sticks out if it departs from the median of itself and its neighbors by
+    more than noise and a turn of the servo. Equal angles are frozen if the commands,
+    without any delay, would have moved them.
+
+    Returns:
+        Flags of rows, by the name of a flight and the reason.
+    """
     elevators = measure_elevators(campaign, {})
     if not elevators:
         return {}
     angles = np.concatenate([elevator.angle for elevator in elevators])
     low, high = campaign.elevator_limits or (np.min(angles), np.max(angles))
-    servo = LateServo(float(low), float(high))
+    servo = LateServo(low, high)
     noises = [measure_noise(each.seen, each.angle[:, None]) for each in elevators]
-    surely = _SURELY * float(np.median(noises))
+    surely = _SURELY * np.median(noises)
+
     faults = {}
     for elevator in elevators:
-        angle = elevator.angle
+        # A turn of the servo within a step sticks out by a step at full rate.
         rate = campaign.elevator_rate_limit or np.max(np.abs(elevator.tape.commands))
+        turn = rate * np.median(np.diff(elevator.seen))
+        angle = elevator.angle
         around = sliding_window_view(np.pad(angle, 1, mode="edge"), 3)
         apart = np.abs(angle - np.median(around, axis=1))
-        # A turn of the servo within a step sticks out by a step at full rate.
-        turn = rate * np.median(np.diff(elevator.seen))
         sticks_out = apart > np.sqrt(2.0) * surely + turn
-        frozen = np.zeros(len(angle), dtype=bool)
+
+        frozen = np.zeros_like(sticks_out)
         ordered = elevator.follow(elevator.seen, servo)
         for first, last in stretches(find_repeats(angle[:, None], _EQUAL_NUMBERS)):
             moved = np.ptp(ordered[first - 1 : last + 1])
             frozen[first : last + 1] = moved > max(_MIN_COMMANDED, surely)
+        frozen &= ~sticks_out
         faults[elevator.name] = {
             "elevator: departs from the motion around it": sticks_out,
-            "elevator: does not change while commands move it: frozen": frozen
-            & ~sticks_out,
+            "elevator: does not change while commands move it: frozen": frozen,
         }
     return faults
 
 
 def _find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
-    """Rows (n,) up to the last at rest before the throw, and from the first landed.
+    """Flags of rows up to the last at rest before the throw, and from the first landed.
 
-    A body that rests in free air falls.
+    A body that rests in free air falls: where it is slow, and does not accelerate, it
+    is held or lies. In the first half of its way that is before the throw.
+
+    Args:
+        flight: of n rows.
+        usable: (n,) rows whose pose may be used.
     """
     time = flight.time
     motion = calc_motion(time[usable], flight.pose[usable])
@@ -315,20 +413,27 @@ def _find_standing(flight: Flight, usable: np.ndarray) -> np.ndarray:
 
 
 def find_hand(flight: Flight, usable: np.ndarray, gravity: float) -> np.ndarray:
-    """Rows (n,), True at the start, where a hand still accelerates the glider.
+    """Flags of rows at the start where a hand still accelerates the glider.
 
     A thrust, wind or a tilted frame push throughout; a hand lets go. So the force
     along the path is compared with that of the flight's second half.
+
+    Args:
+        flight: of n rows.
+        usable: (n,) rows whose pose may be used.
+        gravity: [m/s²].
     """
-    none = np.zeros(len(usable), dtype=bool)
+    none = np.zeros_like(usable)
     own = flight.time[usable]
-    if len(own) < FEWEST_ROWS:
+    if len(own) == 0:
         return none
     drive = calc_drive(own, flight.pose[usable, :2], gravity)
-    usual = max(float(np.median(drive.push[len(drive.push) // 2 :])), 0.0)
-    free = int(np.argmax(drive.push - usual <= PUSH))
+    second_half = drive.push[len(own) // 2 :]
+    usual = max(np.median(second_half), 0.0)
+    free = np.argmax(drive.push - usual <= PUSH)
     # First held, then free: 0 is also what `argmax` says of a glider held throughout.
     if free == 0 or drive.speed[free] < _HAND_GAIN * max(drive.speed[0], 1e-3):
         return none
     # The cubics see the hand until their windows are past it.
-    return flight.time <= own[min(free + half_window(own), len(own) - 1)]
+    last = min(free + half_window(own), len(own) - 1)
+    return flight.time <= own[last]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from glider.campaign.checks.frame import check_signs
+from glider.campaign.checks.signs import check_signs
 from glider.campaign.checks.stamps import find_even_times
 from glider.campaign.flights import with_flights
 from glider.campaign.importing.advice import ORDERS, advise

@@ -18,8 +18,9 @@ import numpy as np
 import yaml
 
 from glider.campaign.checks.forces import fit_elevator, measure_motions
-from glider.campaign.checks.frame import SIGNIFICANT, check_signs
+from glider.campaign.checks.frame import SIGNIFICANT
 from glider.campaign.checks.servo import follow_sign, measure_elevators
+from glider.campaign.checks.signs import check_signs
 from glider.campaign.importing.campaign_import import cut_recordings
 from glider.campaign.importing.frame_posterior import rank_frames
 from glider.campaign.importing.joining import as_files, read_logs

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glider.campaign.checks.forces import _measure_fall, check_fall, measure_motions
+from glider.campaign.checks.fall import _measure_fall, check_fall
+from glider.campaign.checks.forces import measure_motions
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.servo import measure_elevators
 from glider.campaign.checks.servo_forms import _calc_travel

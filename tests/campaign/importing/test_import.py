@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from glider.__main__ import main
-from glider.campaign.checks.frame import check_signs
+from glider.campaign.checks.signs import check_signs
 from glider.campaign.importing import campaign_import, joining, readers
 from glider.campaign.importing.campaign_import import import_campaign, read_flights
 from glider.campaign.importing.cutting import cut
