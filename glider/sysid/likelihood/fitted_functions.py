@@ -242,12 +242,9 @@ def _make_function(
         flown: their values along flights (n, d).
     """
     effect = family.free_function
-    levels = _LEVELS
-    width, resolved = 1.0, RESOLVED
-    if effect.kind in ("pose_x", "pose_z"):
-        levels = _LEVELS[:1]
-        width, resolved = _OF_POSITIONS
-
+    is_position = effect.kind in ("pose_x", "pose_z")
+    width, resolved = _OF_POSITIONS if is_position else (1.0, RESOLVED)
+    levels = _LEVELS[:1] if is_position else _LEVELS
     grids = [_grid(family.variables, ranges, width, i) for i in range(len(levels))]
     centers, widths = map(np.vstack, zip(*grids, strict=True))
     counts = [len(centers) for centers, _ in grids]

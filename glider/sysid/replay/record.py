@@ -214,23 +214,6 @@ def _smooth(
     return _Motion(pose, curves, acceleration_std, bank, side_wind)
 
 
-def _commands_of(
-    flight: Flight, mask: Masks, campaign: Campaign, begin: float
-) -> tuple[CommandTape, Departure]:
-    """Returns the commands of a flight, and what its elevator does beside them.
-
-    Times count from `begin` [s]. Without a servo nothing is commanded, and nothing
-    departs from that.
-    """
-    tape = CommandTape(np.zeros(1), np.zeros(1), 0.0)
-    if flight.command is not None and flight.elevator is not None:
-        tape = command_tape(flight, mask, campaign.switch_rate, begin)
-        if flight.departure is not None:
-            return tape, flight.departure
-
-    return tape, Departure(np.zeros(len(flight.time)), rest=tape.rest, std=0.0)
-
-
 def _record(
     flight: Flight,
     mask: Masks,
@@ -258,14 +241,21 @@ def _record(
     at = node_of_row[usable - usable[0]]
     measured[at] = motion.pose
     seen[at, :3] = True
+
     elevator = np.zeros(n)
+    tape = CommandTape(np.zeros(1), np.zeros(1), rest=0.0)
+    departure = None
     has_servo = flight.command is not None and flight.elevator is not None
     if flight.elevator is not None and has_servo:
         elevator[node_of_row] = flight.elevator[rows]
         is_measured = campaign.servo.angle == "measured"
         seen[node_of_row, 3] = ~mask.elevator[rows] & is_measured
+        tape = command_tape(flight, mask, campaign.switch_rate, begin)
+        departure = flight.departure
 
-    tape, departure = _commands_of(flight, mask, campaign, begin)
+    if departure is None:
+        departure = Departure(np.zeros(len(clock)), rest=tape.rest, std=0.0)
+
     return Record(
         name=flight.name,
         space=space,
