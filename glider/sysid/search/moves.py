@@ -118,8 +118,8 @@ class Search:
     def _compare(self, model: FitResult) -> Scorer | None:
         """Returns the scorer of sets about a model, see `near`.
 
-        The noise is that with all formulas acting at once; where the air then moves, the
-        flights are made linear again, with it.
+        The noise is that with all formulas acting at once. Where the air then moves,
+        the flights are made linear again, with it.
         """
         few = self.task.thinned(MANY_FLIGHTS)
         candidates = gather(few, model)
