@@ -47,7 +47,7 @@ def find_signs(
     kinds = tuple(k for k in vehicle.kinds if ANGLE_SIGN.kind in library[k].like)
 
     def costs(signs: Signs) -> np.ndarray:
-        """Half the squares of each flight's errors under some signs, whitened [nats]."""
+        """Half the square of each flight's whitened errors under some signs [nats]."""
         turned = tuple(turn(flight, signs) for flight in few)
         # The noise depends on the signs, too.
         noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
