@@ -1,8 +1,8 @@
 """The parts of a result: effects, corrected model, spreads.
 
 Each function turns a fitted model into data of `glider.sysid.result`, with names and
-units in place of slots of theta. Throughout, `task` has the flights to which `model` was
-fitted, and `known` are the errors of its parameters.
+units in place of slots of theta. Throughout, `task` has the flights to which `model`
+was fitted, and `known` are the errors of its parameters.
 """
 
 import dataclasses

@@ -171,11 +171,7 @@ def functions_of(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...
 
 def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
     """Returns FLOW_VARIABLES at the nodes of all flights of a model, (n, v)."""
-    flows = []
-    for record in records:
-        nodes = true_nodes(record, theta)
-        flows.append(flow_at_nodes(record, theta, nodes))
-
+    flows = [flow_at_nodes(r, theta, true_nodes(r, theta)) for r in records]
     return np.concatenate(flows)[:, -len(FLOW_VARIABLES) :]
 
 

@@ -6,7 +6,7 @@ are the rows of a log from its first usable row to its last, and more in its gap
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -155,27 +155,9 @@ def prepare(
     return in_parallel(record, list(zip(flights, places, strict=True)))
 
 
-class _Motion(NamedTuple):
-    """The smoothed motion of a flight at n nodes and the midpoints between them.
-
-    Attributes:
-        pose: (m, 3) measured at the usable rows, in the plane.
-        curves: (3, n + n - 1, 3) value, rate and acceleration of x, z and pitch.
-        acceleration_std: (n, 3), see `Record`.
-        bank: (n - 1,), see `Record`.
-        side_wind: (n - 1, 2), see `Record`.
-    """
-
-    pose: np.ndarray
-    curves: np.ndarray
-    acceleration_std: np.ndarray
-    bank: np.ndarray
-    side_wind: np.ndarray
-
-
 def _smooth(
     flight: Flight, usable: np.ndarray, time: np.ndarray, noise: Noise
-) -> _Motion:
+) -> tuple[np.ndarray, ...]:
     """Smooths the poses of a flight at nodes and midpoints.
 
     A flight whose attitude is logged is replaced by a planar one that flies like it,
@@ -186,6 +168,11 @@ def _smooth(
         usable: indices of the rows to smooth (m,).
         time: of the nodes, from the first usable row (n,) [s].
         noise: of the campaign.
+
+    Returns:
+        the pose at the m rows, in the plane (m, 3); value, rate and acceleration of x,
+        z and pitch (3, n + n - 1, 3), of the nodes and then of the midpoints; and the
+        acceleration's standard error, bank and side wind, see `Record`.
     """
     n = len(time)
     middles = 0.5 * (time[1:] + time[:-1])
@@ -211,7 +198,7 @@ def _smooth(
     # Errors of samples are independent: those of their weighted sums add in squares.
     gains = np.linalg.norm([own[2, :n] for own in maps], axis=2).T
     acceleration_std = gains * (x.noise, z.noise, noise.pitch)
-    return _Motion(pose, curves, acceleration_std, bank, side_wind)
+    return pose, curves, acceleration_std, bank, side_wind
 
 
 def _record(
@@ -229,9 +216,10 @@ def _record(
     clock = flight.time - begin
     time, node_of_row = _with_gaps_filled(clock[rows])
     n = len(time)
-    motion = _smooth(flight, usable, time, noise)
-    value, rate, acceleration = motion.curves
-    pitch = motion.curves[:2, :, 2].T  # And its rate: of nodes, then of midpoints.
+    smoothed = _smooth(flight, usable, time, noise)
+    pose, curves, acceleration_std, bank, side_wind = smoothed
+    value, rate, acceleration = curves
+    pitch = curves[:2, :, 2].T  # And its rate: at nodes, then at midpoints.
     nodes = np.zeros((n, space.num_states))
     nodes[:, 0:3] = value[:n]
     nodes[:, 4:7] = rate[:n]
@@ -239,7 +227,7 @@ def _record(
     seen = np.zeros((n, 4), dtype=bool)
     measured = value[:n].copy()
     at = node_of_row[usable - usable[0]]
-    measured[at] = motion.pose
+    measured[at] = pose
     seen[at, :3] = True
 
     elevator = np.zeros(n)
@@ -266,9 +254,9 @@ def _record(
         nodes=nodes,
         pitch=np.stack([pitch[: n - 1], pitch[n:], pitch[1:n]], axis=1),
         acceleration=acceleration[:n],
-        acceleration_std=motion.acceleration_std,
-        bank=motion.bank,
-        side_wind=motion.side_wind,
+        acceleration_std=acceleration_std,
+        bank=bank,
+        side_wind=side_wind,
         has_servo=has_servo,
         switch_times=tape.switches,
         commands=tape.commands,

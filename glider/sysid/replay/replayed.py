@@ -11,8 +11,9 @@ A model is a vector theta of a `ParameterSpace`, whose last entries replay a log
 residual of all flights.
 """
 
+import functools
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from glider.sysid.replay.log_space import resting_states, sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.result import ResidualTable
 
+_T = TypeVar("_T")
 _EDGE = 3  # Rows at both ends of a flight where an acceleration is not known well.
 _PERTURBATION = 1e-6  # Of where an elevator began [rad].
 _SHORTLY = 1e-4  # Time over which velocities are differenced [s].
@@ -53,37 +55,30 @@ class _Signals(NamedTuple):
         return path, np.append(self.rate, self.rate[-1:])
 
 
+def _kept(make: Callable[[Record, np.ndarray], _T]) -> Callable[..., _T]:
+    """Makes what depends on the last entries of theta, which replay a log, once."""
+
+    @functools.wraps(make)
+    def find(record: Record, theta: np.ndarray) -> _T:
+        kept = record.replays
+        key = make.__name__, theta[record.space.num_flown :].tobytes()
+        if key not in kept:
+            if len(kept) >= _REPLAYS:
+                kept.clear()
+            kept[key] = make(record, theta)
+
+        return kept[key]
+
+    return find
+
+
+@_kept
 def signals(record: Record, theta: np.ndarray) -> _Signals:
     """Replays the commands of a log (n rows) by a model's servo.
 
     With a pose latency the row of time t shows the flight at t - latency. What the
     elevator does beside the commands, `record.departure`, is added.
     """
-    return _kept(_replayed, record, theta)
-
-
-def offset_persists(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Whether a log's elevator is off by as much as where it began, at its rows (n,).
-
-    It is not after a stop, where it forgets that.
-    """
-    return _kept(_persisting, record, theta)
-
-
-def _kept(make: Callable, record: Record, theta: np.ndarray) -> Any:
-    """Makes what depends on the last entries of theta, which replay a log, once."""
-    kept = record.replays
-    key = make, theta[record.space.num_flown :].tobytes()
-    if key not in kept:
-        if len(kept) >= _REPLAYS:
-            kept.clear()
-        kept[key] = make(record, theta)
-
-    return kept[key]
-
-
-def _replayed(record: Record, theta: np.ndarray) -> _Signals:
-    """Replays a log's elevator; see `signals`."""
     # The flown path at the nodes and midpoints, then the logged one.
     n = len(record.time)
     middles = 0.5 * (record.time[1:] + record.time[:-1])
@@ -97,8 +92,12 @@ def _replayed(record: Record, theta: np.ndarray) -> _Signals:
     )
 
 
-def _persisting(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Compares two starts of a log's elevator; see `offset_persists`."""
+@_kept
+def offset_persists(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Whether a log's elevator is off by as much as where it began, at its rows (n,).
+
+    It is not after a stop, where it forgets that: two starts are compared.
+    """
     usual = _path_from(record, theta, record.rest, record.time)
     other = _path_from(record, theta, record.rest + _PERTURBATION, record.time)
     is_off = other - usual > 0.5 * _PERTURBATION
@@ -247,47 +246,25 @@ def flow_at_nodes(
     return compiled.flow_at(kinds, record.time, nodes, *at_nodes, theta, gaussians)
 
 
-class _Rows(NamedTuple):
-    """Rows of one flight or several, without those near the ends of a flight.
-
-    Attributes:
-        pitch: (n,) [rad].
-        flow: (n, 5 + v), see `flow_at_nodes`.
-        alpha: (n,) angle of attack, without jumps by 2π [rad].
-        alphadot: (n,) its rate [rad/s].
-        acceleration: (n, 3) measured ẍ, z̈ [m/s²], θ̈ [rad/s²].
-        std: (n, 3) its standard error.
-    """
-
-    pitch: np.ndarray
-    flow: np.ndarray
-    alpha: np.ndarray
-    alphadot: np.ndarray
-    acceleration: np.ndarray
-    std: np.ndarray
-
-
 def _rows_of(
     record: Record, theta: np.ndarray, trim: float, gaussians: Gaussians
-) -> _Rows:
-    """Returns the rows of a flight with an elevator trim [rad].
+) -> list[np.ndarray]:
+    """Collects a flight's rows, but those near its ends, with an elevator trim [rad].
 
-    The elevator stands where its commands put it, but for the trim.
+    Returns:
+        pitch (n,) [rad], flow (n, 5 + v), see `flow_at_nodes`, angle of attack without
+        jumps (n,) [rad], its rate (n,) [rad/s], and measured ẍ, z̈ [m/s²], θ̈ [rad/s²]
+        with their standard errors (n, 3).
     """
     moved, shift = trimmed(record, theta, trim)
     nodes = true_nodes(record, moved, gaussians)
-    nodes[:, OFFSET] = shift
+    nodes[:, OFFSET] = shift  # The elevator stands where its commands put it.
     flow = flow_at_nodes(record, moved, nodes, gaussians)
     alpha = np.unwrap(flow[:, 5 + FLOW_VARIABLES.index("alpha")])
-    whole = _Rows(
-        pitch=nodes[:, 2],
-        flow=flow,
-        alpha=alpha,
-        alphadot=np.gradient(alpha, record.time),
-        acceleration=record.acceleration,
-        std=record.acceleration_std,
-    )
-    return _Rows(*(values[_EDGE:-_EDGE] for values in whole))
+    alphadot = np.gradient(alpha, record.time)
+    motion = nodes[:, 2], flow, alpha, alphadot
+    measured = record.acceleration, record.acceleration_std
+    return [values[_EDGE:-_EDGE] for values in (*motion, *measured)]
 
 
 def _coefficients_of(
@@ -332,15 +309,15 @@ def make_table(
         _rows_of(record, theta, trim, gaussians)
         for record, trim in zip(records, trims, strict=True)
     ]
-    rows = _Rows(*map(np.concatenate, zip(*flights, strict=True)))
-    flow = rows.flow
+    stacked = map(np.concatenate, zip(*flights, strict=True))
+    pitch, flow, alpha, alphadot, measured, std = stacked
     modelled = flow[:, :3]
-    x, z, angular = (rows.acceleration - modelled).T
-    std_x, std_z, std_angular = rows.std.T
+    x, z, angular = (measured - modelled).T
+    std_x, std_z, std_angular = std.T
 
     # Components along the measured wing and normal to it.
-    sine = np.sin(rows.pitch)
-    cosine = np.cos(rows.pitch)
+    sine = np.sin(pitch)
+    cosine = np.cos(pitch)
     along = x * cosine - z * sine
     normal = x * sine + z * cosine
     std_along = np.hypot(std_x * cosine, std_z * sine)
@@ -349,11 +326,11 @@ def make_table(
     variables = dict(zip(FLOW_VARIABLES, flow[:, 5:].T, strict=True))
     space = records[0].space
     return ResidualTable(
-        variables={**variables, "alpha": rows.alpha, "alphadot": rows.alphadot},
+        variables={**variables, "alpha": alpha, "alphadot": alphadot},
         residual=np.column_stack([along, normal, angular]),
-        coefficients=_coefficients_of(rows.acceleration, flow, space, theta),
+        coefficients=_coefficients_of(measured, flow, space, theta),
         modelled=_coefficients_of(modelled, flow, space, theta),
-        flight=np.repeat(np.arange(len(flights)), [len(own.pitch) for own in flights]),
+        flight=np.repeat(np.arange(len(flights)), [len(own[0]) for own in flights]),
         names=tuple(record.name for record in records),
         noise=np.column_stack([std_along, std_normal, std_angular]),
     )
