@@ -333,16 +333,12 @@ def _trace_by_predictions(task: Task, noise: Noise, progress: Progress) -> Searc
 
     progress(Step("fitting the moment", 0.53))
     near, alike = near_sets(score.among(without_late(task).offered), members)
+    kept = {name: getattr(forces.scales, name) for name in _OF_FORCES}
+    scales = dataclasses.replace(start_scales(noise), **kept)
     others = [name for name in NAMES if name not in _OF_FORCES]
-
-    def with_moment(model: FitResult) -> FitResult:
-        kept = {name: getattr(model.scales, name) for name in _OF_FORCES}
-        scales = dataclasses.replace(start_scales(noise), **kept)
-        return _with_moment(task, model, scales, others)
-
     return SearchResult(
-        model=with_moment(forces),
-        bare=with_moment(bare),
+        model=_with_moment(task, forces, scales, others),
+        bare=_with_moment(task, bare, scales, others),
         evidence=score.lost(members),
         names={kind: kind for kind in forces.kinds},
         threshold=HELD_OUT_THRESHOLD["effect"],
