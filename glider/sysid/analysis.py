@@ -27,16 +27,25 @@ from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, POSITION_SCALE
 from glider.physics.flown_range import ranges_of
 from glider.progress import Progress, Step
-from glider.sysid import outcome, result
+from glider.sysid import outcome
 from glider.sysid.constants import MANY_FLIGHTS
 from glider.sysid.evaluation import Searched, evaluate
 from glider.sysid.fit.session import are_at_one_end, by_number, find_change
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
-from glider.sysid.likelihood.task import FitResult, Task, make_task
+from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.likelihood.uncertainty import Uncertainty, averaged, uncertainty_of
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
+from glider.sysid.result import (
+    Air,
+    Alternative,
+    Change,
+    FlightNames,
+    MeasurementNoise,
+    Result,
+    UnlikeFlights,
+)
 from glider.sysid.roll import RollSearch
 from glider.sysid.search.moves import Search
 from glider.sysid.search.signs import find_signs
@@ -90,7 +99,7 @@ class Analysis:
         taken = time.perf_counter() - begin
         self.seconds[name] = self.seconds.get(name, 0.0) + taken
 
-    def run(self) -> result.Result:
+    def run(self) -> Result:
         """Runs all stages; where the glider changed, again on one part of the session.
 
         That is the part after the change, if it has enough flights, or the longer one.
@@ -128,7 +137,7 @@ class Analysis:
 
         return dataclasses.replace(found, reason=" ".join([*sentences, found.reason]))
 
-    def _sides_of(self, change: result.Change) -> dict[str, list[str]]:
+    def _sides_of(self, change: Change) -> dict[str, list[str]]:
         """Names of the flights before a change and since; all since a drift."""
         names = [flight.name for flight in self.inspection.campaign.flights]
         names.sort(key=by_number)
@@ -145,7 +154,7 @@ class Analysis:
         inspection = dataclasses.replace(self.inspection, campaign=campaign)
         return dataclasses.replace(self, inspection=inspection, fitted=fitted)
 
-    def _run(self) -> result.Result:
+    def _run(self) -> Result:
         """Runs all stages once."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.space)
@@ -178,6 +187,10 @@ class Analysis:
 
         flights = evaluated["flights"]
         doubt = find_doubt(task, model) or too_few_fly(flights)
+        if doubt is None and POSITION_SCALE.kind not in model.kinds:
+            wrong = [s for s in self.inspection.warnings if s.startswith(SCALE)]
+            doubt = wrong[0].rstrip(".") if wrong else None
+
         verdict, reason = judge(
             traced,
             tests.gains,
@@ -185,7 +198,7 @@ class Analysis:
             effects,
             evaluated["left"],
             spreads,
-            doubt or self._doubt_about_scale(model),
+            doubt,
         )
         sentences = [
             *map(_first_sentence, servo),
@@ -199,7 +212,7 @@ class Analysis:
 
         scales = model.scales
         own_kinds = self.vehicle.space.kinds
-        return result.Result(
+        return Result(
             campaign=campaign.name,
             path=campaign.path,
             knows_forces=self.vehicle.knows_forces,
@@ -209,7 +222,7 @@ class Analysis:
             **evaluated,
             changes=() if change is None else (change,),
             evidence_threshold=traced.threshold,
-            air=result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
+            air=Air(0.0 if scales.is_still else scales.air, scales.air_time),
             spreads=spreads,
             vehicle=outcome.vehicle_of(task, model, known),
             clocks=outcome.clocks_of(task, model, known),
@@ -218,7 +231,7 @@ class Analysis:
             covariance=outcome.covariance_of(task, known),
             warnings=self._warnings(evaluated["unlike"]),
             set_aside=_by_file(rows),
-            noise=result.MeasurementNoise(found.noise.position, found.noise.pitch),
+            noise=MeasurementNoise(found.noise.position, found.noise.pitch),
             log_findings=self.inspection.warnings + servo,
             own_effects=tuple(own_kinds[n] for n in self.settings["own_effects"]),
             settings=self.settings,
@@ -311,13 +324,6 @@ class Analysis:
 
         return everything.on(kept), everything.on(fitted)
 
-    def _doubt_about_scale(self, model: FitResult) -> str | None:
-        """Returns the warning that positions are scaled, unless the model has that."""
-        if POSITION_SCALE.kind in model.kinds:
-            return None
-        found = [s for s in self.inspection.warnings if s.startswith(SCALE)]
-        return found[0].rstrip(".") if found else None
-
     def _about_outlying(self, outlying: Collection[str]) -> str:
         """Returns the sentence on flights that stand out; empty without any."""
         if not outlying:
@@ -328,7 +334,7 @@ class Analysis:
             f"them with the others: {', '.join(sorted(outlying))}."
         )
 
-    def _warnings(self, unlike: result.UnlikeFlights | None) -> tuple[str, ...]:
+    def _warnings(self, unlike: UnlikeFlights | None) -> tuple[str, ...]:
         """Returns sentences about what limits the result."""
         found = []
         tried = self.settings["effects"]
@@ -350,7 +356,7 @@ def _by_file(rows: Iterable[ExcludedRows]) -> tuple[ExcludedRows, ...]:
     return tuple(sorted(rows, key=attrgetter("file")))
 
 
-def _about_diverged(flights: result.FlightNames) -> str:
+def _about_diverged(flights: FlightNames) -> str:
     """Returns the sentence on flights that are in no error; empty without any."""
     if not flights.diverged:
         return ""
@@ -367,7 +373,7 @@ def _first_sentence(text: str) -> str:
 
 def _weigh(
     found: Searched, signs: Signs, flown: Mapping[str, np.ndarray]
-) -> tuple[tuple[result.Alternative, ...], Uncertainty]:
+) -> tuple[tuple[Alternative, ...], Uncertainty]:
     """Weighs the models that may be right by their evidence.
 
     Args:
@@ -381,8 +387,7 @@ def _weigh(
     task = found.task
     traced = found.traced
     rivals = [rival for rival, _ in traced.rivals]
-    lacks = [lack for _, lack in traced.rivals]
-    probabilities = softmax([0.0, *(-lack for lack in lacks)]).tolist()
+    probabilities = softmax([0.0, *(-lack for _, lack in traced.rivals)]).tolist()
     judged = [traced.judged, *rivals]
     errors = [uncertainty_of(task, model) for model in judged]
     alternatives = []
@@ -391,7 +396,7 @@ def _weigh(
         glider = dataclasses.replace(glider, flown=ranges_of(glider, flown))
         covariance = outcome.covariance_of(task, errors[i])
         alternatives.append(
-            result.Alternative(
+            Alternative(
                 probability=probabilities[i], model=glider, covariance=covariance
             )
         )

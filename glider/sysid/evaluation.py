@@ -13,7 +13,6 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects.families import FAMILIES
-from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import PerfectModel, compare
@@ -25,7 +24,14 @@ from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table
-from glider.sysid.result import MODELS, PERFECT, ResidualTable, Spread
+from glider.sysid.result import (
+    MODELS,
+    PERFECT,
+    FlightNames,
+    HeldOutFlight,
+    ResidualTable,
+    Spread,
+)
 from glider.sysid.search.subsets import survey
 from glider.sysid.search.tracing import SearchResult, forces_alone
 
@@ -99,7 +105,7 @@ def evaluate(
     for i, record in enumerate(unseen):
         rows = prediction.beginning_rows(record.time, task.vehicle.per_flight_trims)
         shown.append(
-            result.HeldOutFlight(
+            HeldOutFlight(
                 name=record.name,
                 time=record.time,
                 measured=record.pose,
@@ -111,7 +117,7 @@ def evaluate(
     after = _table(models["corrected"], records)
     unlike = predict_unlike(searched.everything, fitted, traced.forces, after, perfect)
     return {
-        "flights": result.FlightNames(
+        "flights": FlightNames(
             fit=tuple(record.name for record in task.records),
             held_out=tuple(record.name for record in unseen),
             diverged=tuple(r.name for r in unseen if r not in found.counted),

@@ -20,7 +20,6 @@ from glider.physics.effects.families import FAMILIES
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.physics.model import GliderModel
 from glider.physics.parameter_space import OF_VEHICLE
-from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
 from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
@@ -31,7 +30,14 @@ from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.log_space import SERVO_LOG
-from glider.sysid.result import Estimate, FoundEffect, Spread
+from glider.sysid.result import (
+    LIBRARY_SHAPE,
+    OTHER_SHAPE,
+    UNEXPLAINED,
+    Estimate,
+    FoundEffect,
+    Spread,
+)
 from glider.sysid.search.tracing import SearchResult
 
 SPREAD_KINDS = {kind.kind: kind.varies_by for kind in LIBRARY if kind.varies_by}
@@ -44,7 +50,9 @@ _PER_KILOGRAM = {"m²": "m²/kg", "kg m²": "m²"}  # Units of a glider of 1 kg.
 def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     """Flight-to-flight variations, by kind, with the value of each flight.
 
-    One is reported where it reaches the threshold of an effect, all else refitted.
+    One is reported where it reaches the threshold of an effect, all else refitted. The
+    fitted scale is about zero: where the mean of the flights is clearly not zero, the
+    variation is that of their values about it.
     """
     names = [record.name for record in task.records]
     flights = error_flights(task, model)
@@ -56,7 +64,12 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
         others = [name for name in NAMES if name != scale]
         _, cost_without = fit_scales(flights, fitted.without(scale), others)
         of_kind = values[:, PER_FLIGHT[kind]]
-        std = _variation_of(of_kind, getattr(fitted, scale))
+        std = getattr(fitted, scale)
+        about_mean = of_kind.std(axis=0)
+        error_of_mean = about_mean / math.sqrt(len(of_kind))
+        if np.any(np.abs(of_kind.mean(axis=0)) > Z * error_of_mean):
+            std = float(np.sqrt(np.mean(about_mean**2)))
+
         coefficient = task.space.kinds[kind].coefficients[0]
         least = LEAST_SPREAD * coefficient.scale
         is_large = least < min(std, getattr(model.scales, scale))
@@ -68,19 +81,6 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
             )
 
     return found
-
-
-def _variation_of(values: np.ndarray, about_zero: float) -> float:
-    """Returns the standard deviation of flights' values (flights, coefficients).
-
-    That is `about_zero`, the fitted scale; or that about their mean, where the mean is
-    clearly not zero.
-    """
-    about_mean = values.std(axis=0)
-    error_of_mean = about_mean / math.sqrt(len(values))
-    if np.any(np.abs(values.mean(axis=0)) > Z * error_of_mean):
-        return float(np.sqrt(np.mean(about_mean**2)))
-    return about_zero
 
 
 def effects_of(
@@ -108,7 +108,7 @@ def effects_of(
         names.pop(POSE_LATENCY.kind, None)
     members = dict[str, list[str]]()  # Formulas come first, then what bends them.
     for kind, name in names.items():
-        entry = kind if name == result.UNEXPLAINED else name
+        entry = kind if name == UNEXPLAINED else name
         members.setdefault(entry, []).append(kind)
 
     found = [] if signs.are_right else [_turned_angles(signs)]
@@ -188,13 +188,13 @@ def _formula_entry(
     words = kind.words
     if all(abs(size.value) < BAND * size.std for size in judged):
         words = f"like {name} ({kind.words}), of a size that may be zero"
-        name = result.UNEXPLAINED
+        name = UNEXPLAINED
 
     return FoundEffect(
         kind=name,
         words=words,
         coefficients=coefficients,
-        shape=result.OTHER_SHAPE if is_bent else result.LIBRARY_SHAPE,
+        shape=OTHER_SHAPE if is_bent else LIBRARY_SHAPE,
         depends_on=kind.depends_on,
     )
 
@@ -205,10 +205,10 @@ def _function_entry(
     """A free function as an effect: its link, its variables and where it is largest."""
     family = FAMILIES[name]
     words = family.words
-    shape = result.OTHER_SHAPE
-    if kind == result.UNEXPLAINED:
+    shape = OTHER_SHAPE
+    if kind == UNEXPLAINED:
         words = f"no effect of the library: {words}"
-        shape = result.LIBRARY_SHAPE
+        shape = LIBRARY_SHAPE
 
     return FoundEffect(
         kind=kind,

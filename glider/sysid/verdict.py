@@ -15,7 +15,16 @@ import numpy as np
 from glider.campaign.checks.motion import robust_std
 from glider.physics.effects import ELEVATOR_SCALE, LIBRARY, POSE_LATENCY, EffectKind
 from glider.physics.parameters import PARAMETER_NAMES
-from glider.sysid import constants
+from glider.sysid.constants import (
+    CLOCK_ERROR,
+    GAIN_ERROR,
+    MOMENT_SHARE,
+    MOMENT_TIME,
+    PER_OUTLIER,
+    TAIL_SPREAD,
+    WORSE,
+    Z,
+)
 from glider.sysid.fit.folds import Gains
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
@@ -60,11 +69,11 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
         return f"poses are logged {1e3 * early:.1f} ms before they happen {_CLOCK}"
 
     shift = value_of(SERVO_LOG)
-    if abs(shift) > constants.CLOCK_ERROR:
+    if abs(shift) > CLOCK_ERROR:
         return f"the servo's log is {1e3 * shift:+.0f} ms off the poses {_CLOCK}"
 
     change = value_of(ELEVATOR_SCALE)
-    if abs(change) > constants.TAIL_SPREAD:
+    if abs(change) > TAIL_SPREAD:
         return (
             f"the elevator turns {1.0 + change:.2f} times as far as its log says (are "
             "the 'units' of its angles and rates right in the MAP of the import?)"
@@ -76,7 +85,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
 def too_few_fly(flights: FlightNames) -> str | None:
     """Finds that flights on which every model diverges are no exceptions, or None."""
     count = len(flights.diverged)
-    if count * constants.PER_OUTLIER <= len(flights.held_out):
+    if count * PER_OUTLIER <= len(flights.held_out):
         return None
     return (
         f"every model diverges on {count} of {len(flights.held_out)} held-out flights"
@@ -93,7 +102,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
     ]
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
-    if scales["moment"] > constants.MOMENT_SHARE * usual:
+    if scales["moment"] > MOMENT_SHARE * usual:
         found.append(
             f"unmodelled pitch accelerations of {scales['moment']:.2g} rad/s² "
             f"(measured ones are {usual:.2g})"
@@ -102,7 +111,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
     if found:
         return f"the model needs {' and '.join(found)}"
     gain, error = _elevator_gain(task, model)
-    if abs(gain - 1.0) > max(constants.GAIN_ERROR, constants.Z * error):
+    if abs(gain - 1.0) > max(GAIN_ERROR, Z * error):
         return (
             f"the elevator moves {gain:.3f} times as far as commanded (± {error:.1g}), "
             "as with a wrong clock or unit"
@@ -117,13 +126,12 @@ def _elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     The median over flights of regressions of travel on travel. It is 1 and infinity
     where there is no servo, or another than the model's is known.
     """
-    found = []
-    for record in task.records:
-        if record.has_servo and not record.departure_is_named:
-            gain = _gain_of_flight(record, model.theta)
-            if gain is not None:
-                found.append(gain)
-
+    gains = [
+        _gain_of_flight(record, model.theta)
+        for record in task.records
+        if record.has_servo and not record.departure_is_named
+    ]
+    found = [gain for gain in gains if gain is not None]
     if len(found) < 3:
         return 1.0, np.inf
     median = float(np.median(found))
@@ -146,8 +154,8 @@ def _gain_of_flight(record: Record, theta: np.ndarray) -> float | None:
 
     reverses = np.diff(np.sign(np.gradient(modelled))) != 0.0
     reversals = np.append(0, np.cumsum(reverses))
-    begins = np.searchsorted(time, time - constants.MOMENT_TIME)
-    ends = np.searchsorted(time, time + constants.MOMENT_TIME)
+    begins = np.searchsorted(time, time - MOMENT_TIME)
+    ends = np.searchsorted(time, time + MOMENT_TIME)
     last = np.minimum(ends, len(time) - 1)
     turns_one_way = reversals[last] == reversals[begins]
     first = np.flatnonzero((ends < len(time)) & turns_one_way)
@@ -300,12 +308,11 @@ def _not_better(
 
     What the refitted baseline has as well need only be better than the nominal model.
     """
-    before = dict(_BEFORE)
-    over = "refitted"
+    before = [*_BEFORE]
     if "nominal" in gains and _changes_baseline_alone(model):
-        over = "nominal"
-        del before["refitted"]
+        before.remove("refitted")
 
+    over = before[0]
     gain = gains.get(over)
     if gain is not None and not gain.are_significant:
         return (
@@ -317,16 +324,16 @@ def _not_better(
     after = errors["corrected"]
     assert after is not None
     rms = after.position_rms_m
-    for name, words in before.items():
+    for name in before:
         other = errors.get(name)
         if other is None:
             continue
         found = "the corrected model diverges"
         if math.isfinite(rms):
             ratio = rms / other.position_rms_m
-            if not ratio > constants.WORSE:
+            if not ratio > WORSE:
                 continue
-            found = f"{ratio:.4g} times the error of the {words}"
+            found = f"{ratio:.4g} times the error of the {_BEFORE[name]}"
         return f"The correction makes held-out flights worse: flown freely {found}."
 
     return None

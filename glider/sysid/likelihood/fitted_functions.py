@@ -307,7 +307,6 @@ def _grid(
     is_pair = len(variables) == 2
     beyond = math.ceil(width)
     axes = []
-    distances = []
     for variable, (low, high) in zip(variables, ranges, strict=True):
         count, _ = _LEVELS[level]
         if is_pair:
@@ -316,12 +315,10 @@ def _grid(
             widest = (1 + is_pair) * _WIDEST[variable][level]
             count = max(3, 1 + math.ceil((high - low) / widest))
 
-        distance = (high - low) / (count - 1)
-        axis = low + distance * np.arange(-beyond, count + beyond)
-        axes.append(axis)
-        distances.append(axis[1] - axis[0])
+        apart = (high - low) / (count - 1)
+        axes.append(low + apart * np.arange(-beyond, count + beyond))
 
     grids = np.meshgrid(*axes, indexing="ij")
     centers = np.stack(grids, axis=-1).reshape(-1, len(axes))
-    widths = np.tile(width * np.array(distances), (len(centers), 1))
-    return centers, widths
+    widths = width * np.array([axis[1] - axis[0] for axis in axes])
+    return centers, np.tile(widths, (len(centers), 1))

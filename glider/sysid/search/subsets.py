@@ -17,14 +17,21 @@ from math import log
 import numpy as np
 
 from glider.physics.effects.families import FAMILIES
-from glider.sysid import constants
+from glider.sysid.constants import (
+    CLEAR,
+    EVIDENCE_THRESHOLD,
+    FEW_FLIGHTS,
+    FOLLOWED,
+    HELD_OUT_THRESHOLD,
+    MANY_FLIGHTS,
+    MOST_EFFECTS,
+    RIVAL_GAP,
+)
 from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, gather
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
 
 Members = tuple[tuple[str, tuple[int, ...]], ...]  # Kinds and their variants, sorted.
-
-_HELD_OUT = constants.HELD_OUT_THRESHOLD
 
 
 class Scorer:
@@ -112,7 +119,12 @@ class Scorer:
             step = np.array([steps[column] for column in variant])
             own = functions.get(kind) or task.functions.get(kind)
             if own is None:
-                self._set_formula(theta, variant, step)
+                directions = [self.candidates.directions[j] for j in variant]
+                for direction in directions:
+                    theta = direction.base(theta)  # The shapes come first.
+                slots = [direction.slot for direction in directions]
+                means, _ = task.priors(slots, theta)
+                theta[slots] = np.clip(means + step, *task.bounds(slots))
                 continue
 
             strength = own.strength
@@ -126,26 +138,10 @@ class Scorer:
         return dataclasses.replace(
             model,
             kinds=kinds,
+            theta=theta,
             free=task.free(kinds),
             functions=tuple(functions.values()),
         )
-
-    def _set_formula(
-        self, theta: np.ndarray, variant: tuple[int, ...], step: np.ndarray
-    ) -> None:
-        """Sets a formula's coefficients a step (m,) from their prior means.
-
-        Its shapes are set to those with which its columns begin.
-        """
-        task = self.candidates.task
-        directions = [self.candidates.directions[column] for column in variant]
-        for direction in directions:
-            for slot, shape in direction.shapes:
-                theta[slot] = shape
-
-        slots = [direction.slot for direction in directions]
-        means, _ = task.priors(slots, theta)
-        theta[slots] = np.clip(means + step, *task.bounds(slots))
 
     def larger(self, members: Members) -> Iterable[Members]:
         """Returns the sets with one member more, in each of its variants.
@@ -215,8 +211,9 @@ def _held_out_threshold(task: Task, kind: str, kinds: Collection[str]) -> float:
     space = task.space
     sizes = sum(slot not in space.shapes for slot in space.slots_of(kind))
     is_common = kind in space.kinds and space.kinds[kind].is_common
-    cause = 0.0 if is_common else _HELD_OUT["uncommon"]
-    return _HELD_OUT["effect"] + _HELD_OUT["coefficient"] * (sizes - 1) + cause
+    cause = 0.0 if is_common else HELD_OUT_THRESHOLD["uncommon"]
+    more = HELD_OUT_THRESHOLD["coefficient"] * (sizes - 1)
+    return HELD_OUT_THRESHOLD["effect"] + more + cause
 
 
 def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
@@ -231,14 +228,14 @@ def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:
     """
     if kind not in FAMILIES:
         is_alone = len(kinds) <= 1
-        own = log(len(task.vehicle.kinds)) if is_alone else constants.EVIDENCE_THRESHOLD
+        own = log(len(task.vehicle.kinds)) if is_alone else EVIDENCE_THRESHOLD
     elif not FAMILIES[kind].bends.isdisjoint(kinds):
         own = log(len(FAMILIES))
     else:
-        own = constants.EVIDENCE_THRESHOLD + constants.RIVAL_GAP
+        own = EVIDENCE_THRESHOLD + RIVAL_GAP
 
     # The more flights, the more an error that they share looks like an effect.
-    return max(1.0, len(task.records) / constants.MANY_FLIGHTS) * own
+    return max(1.0, len(task.records) / MANY_FLIGHTS) * own
 
 
 def survey(task: Task, model: FitResult) -> dict[str, float]:
@@ -247,7 +244,7 @@ def survey(task: Task, model: FitResult) -> dict[str, float]:
     On a few flights, each function with the best of its strengths. Empty where the
     model diverges.
     """
-    few = dataclasses.replace(task.thinned(constants.FEW_FLIGHTS), kinds=())
+    few = dataclasses.replace(task.thinned(FEW_FLIGHTS), kinds=())
     candidates = gather(few, model)
     gram = candidates.total(model.scales)
     if not np.all(np.isfinite(gram)):
@@ -282,10 +279,10 @@ def near_sets(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[st
         [(kind, _)] = {*other} - {*found}
         lost = best - score(other)
         is_formula = kind not in kinds and kind not in FAMILIES
-        if not is_formula or lost > constants.CLEAR:
+        if not is_formula or lost > CLEAR:
             continue
         offered.add(kind)
-        if lost < constants.RIVAL_GAP:
+        if lost < RIVAL_GAP:
             for gone in kinds - {name for name, _ in other}:
                 alike[gone].add(kind)
 
@@ -312,7 +309,7 @@ def climb(score: Scorer, members: Members, same_size: bool = False) -> Members:
         options = [*score.swapped(members)]
         if not same_size:
             options += score.smaller(members)
-            if len(members) < constants.MOST_EFFECTS:
+            if len(members) < MOST_EFFECTS:
                 options += score.larger(members)
 
         best = max(options, key=score, default=members)
@@ -333,10 +330,10 @@ def best_of_sizes(score: Scorer) -> list[Members]:
     beam: list[Members] = [()]
     found: list[Members] = []
     best: Members = ()
-    for _ in range(constants.MOST_EFFECTS):
+    for _ in range(MOST_EFFECTS):
         pool = dict.fromkeys(m for parent in beam for m in score.larger(parent))
-        ranked = sorted(pool, key=score, reverse=True)[: constants.FOLLOWED]
-        if not ranked or score(ranked[0]) < score(best) - constants.CLEAR:
+        ranked = sorted(pool, key=score, reverse=True)[:FOLLOWED]
+        if not ranked or score(ranked[0]) < score(best) - CLEAR:
             break
         reached = [climb(score, members, same_size=True) for members in ranked]
         beam = list(dict.fromkeys(reached))
