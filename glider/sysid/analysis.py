@@ -1,9 +1,6 @@
 """The analysis of a campaign that `glider.sysid.pipeline` has read.
 
 log -> inspect -> smooth -> signs -> search -> errors before and after -> verdict
-
-`Analysis` runs the stages in this order and times each; what they do is in the modules
-that it imports.
 """
 
 import dataclasses
@@ -138,14 +135,20 @@ class Analysis:
         return dataclasses.replace(found, reason=" ".join([*sentences, found.reason]))
 
     def _sides_of(self, change: Change) -> dict[str, list[str]]:
-        """Names of the flights before a change and since; all since a drift."""
+        """Names of the flights "before" a change and "since", in their order.
+
+        A drift has no flight: all are since then.
+        """
         names = [flight.name for flight in self.inspection.campaign.flights]
         names.sort(key=by_number)
         at = names.index(change.flight) if change.flight else 0
         return {"before": names[:at], "since": names[at:]}
 
     def _on(self, names: Collection[str]) -> "Analysis":
-        """The analysis of some of the flights alone."""
+        """The analysis of some of the flights alone.
+
+        They are split again into those to fit and those to hold out.
+        """
         settings = self.settings
         campaign = self.inspection.campaign
         flights = tuple(f for f in campaign.flights if f.name in names)
@@ -159,7 +162,7 @@ class Analysis:
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.space)
 
-        signs, campaign, servo = self._corrected()
+        signs, campaign, about_servo = self._corrected()
         found = self._search(campaign)
         task = found.task
         traced = found.traced
@@ -201,11 +204,12 @@ class Analysis:
             doubt,
         )
         sentences = [
-            *map(_first_sentence, servo),
+            *map(_first_sentence, about_servo),
             reason,
             self._about_outlying(found.outlying),
             _about_diverged(flights),
         ]
+        # Of a flight that stands out all rows are excluded.
         rows = [s for s in self.inspection.excluded if s.file not in found.outlying]
         for name, why in found.outlying.items():
             rows.append(ExcludedRows(file=name, rows=ALL, why=why))
@@ -232,7 +236,7 @@ class Analysis:
             warnings=self._warnings(evaluated["unlike"]),
             set_aside=_by_file(rows),
             noise=MeasurementNoise(found.noise.position, found.noise.pitch),
-            log_findings=self.inspection.warnings + servo,
+            log_findings=self.inspection.warnings + about_servo,
             own_effects=tuple(own_kinds[n] for n in self.settings["own_effects"]),
             settings=self.settings,
             seconds=self.seconds,

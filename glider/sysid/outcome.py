@@ -56,14 +56,16 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     """
     names = [record.name for record in task.records]
     flights = error_flights(task, model)
-    # Those of the model may be priors, as in the search along the attitude.
+    # The model's scales may be priors, as in the search along the attitude.
     fitted, cost = fit_scales(flights, model.scales)
     values = flight_values(flights, fitted)
     found = {}
     for kind, scale in sorted(SPREAD_KINDS.items()):
+        # What is lost without it, all other scales refitted?
         others = [name for name in NAMES if name != scale]
         _, cost_without = fit_scales(flights, fitted.without(scale), others)
-        of_kind = values[:, PER_FLIGHT[kind]]
+
+        of_kind = values[:, PER_FLIGHT[kind]]  # (flights, coefficients)
         std = getattr(fitted, scale)
         about_mean = of_kind.std(axis=0)
         error_of_mean = about_mean / math.sqrt(len(of_kind))
@@ -106,12 +108,17 @@ def effects_of(
     [latency] = task.space.slots_of(POSE_LATENCY.kind)
     if model.theta[latency] < 0.0:  # Clocks differ, see `verdict.find_doubt`.
         names.pop(POSE_LATENCY.kind, None)
-    members = dict[str, list[str]]()  # Formulas come first, then what bends them.
+
+    # Kinds of one name are one effect: a formula first, then what bends it.
+    members = dict[str, list[str]]()
     for kind, name in names.items():
         entry = kind if name == UNEXPLAINED else name
         members.setdefault(entry, []).append(kind)
 
-    found = [] if signs.are_right else [_turned_angles(signs)]
+    found = []
+    if not signs.are_right:
+        found.append(_turned_angles(signs))
+
     evidence = traced.evidence
     whole = max(sum(evidence.values()), 1e-9)
     for kinds in members.values():
@@ -178,7 +185,7 @@ def _formula_entry(
     """
     kind = task.space.kinds[name]
     slots = task.space.slots_of(name)
-    coefficients = {}
+    coefficients = {}  # By their names.
     for slot, own in zip(slots, kind.coefficients, strict=True):
         coefficients[own.name] = _estimate(model, known, slot, own.unit)
 
@@ -202,7 +209,11 @@ def _formula_entry(
 def _function_entry(
     task: Task, model: FitResult, name: str, kind: str, known: Uncertainty
 ) -> FoundEffect:
-    """A free function as an effect: its link, its variables and where it is largest."""
+    """A free function as an effect: its link, its variables and where it is largest.
+
+    `kind` is that by which it is reported: the formula that it is or bends, or
+    "unexplained".
+    """
     family = FAMILIES[name]
     words = family.words
     shape = OTHER_SHAPE
@@ -285,13 +296,14 @@ def _find_peak(
 def model_of(task: Task, model: FitResult, signs: Signs) -> GliderModel:
     """The corrected glider.
 
-    It has the effects of the model and those that are unknown parameters of the
-    vehicle.
+    It has the effects of the model, and those that a vehicle may have whatever is
+    found: they are fitted with its unknown parameters.
     """
     space = task.space
     parameters, fitted = space.unpack(model.theta, task.vehicle.parameters)
     by_kind = {effect.kind.kind: effect for effect in fitted}
     unknown = {space.owners[slot] for slot in task.vehicle.unknown}
+
     kinds = [*model.kinds]
     kinds += [k for k in space.kinds if k in unknown and k not in model.kinds]
     effects = [] if signs.are_right else [signs.effect]
@@ -308,7 +320,10 @@ def _estimate(model: FitResult, known: Uncertainty, slot: int, unit: str) -> Est
 
 
 def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Estimate]:
-    """The unknown parameters of the vehicle, by name; per kilogram without a mass."""
+    """The unknown parameters of the vehicle, by name.
+
+    Without a mass, areas and inertia are per kilogram.
+    """
     space = task.space
     found = {}
     for slot in task.vehicle.unknown:
@@ -324,10 +339,11 @@ def clocks_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Est
     """Offsets of the log's clocks that were estimated, by name [ms]."""
     found = {}
     for slot in task.space.slots_of(SERVO_LOG.kind):
-        if slot in known.free:
-            seconds = _estimate(model, known, slot, "s")
-            name = task.space.entries[slot].name
-            found[name] = Estimate(1e3 * seconds.value, 1e3 * seconds.std, "ms")
+        if slot not in known.free:
+            continue
+        name = task.space.entries[slot].name
+        seconds = _estimate(model, known, slot, "s")
+        found[name] = Estimate(1e3 * seconds.value, 1e3 * seconds.std, "ms")
 
     return found
 

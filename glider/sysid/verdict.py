@@ -100,6 +100,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
         for name, words in _BOUNDED.items()
         if scales[name] > _AT_CEILING * getattr(CEILING, name)
     ]
+    # Pitch accelerations where the pitch was measured.
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
     if scales["moment"] > MOMENT_SHARE * usual:
@@ -148,6 +149,7 @@ def _gain_of_flight(record: Record, theta: np.ndarray) -> float | None:
     rows = np.flatnonzero(record.seen[:, 3])
     if len(rows) < 2:
         return None
+
     time = record.time[rows]
     measured = record.elevator[rows]
     modelled = (signals(record, theta).logged - record.departure)[rows]
@@ -157,6 +159,7 @@ def _gain_of_flight(record: Record, theta: np.ndarray) -> float | None:
     begins = np.searchsorted(time, time - MOMENT_TIME)
     ends = np.searchsorted(time, time + MOMENT_TIME)
     last = np.minimum(ends, len(time) - 1)
+    # No reversal from a `MOMENT_TIME` before the travel to its end.
     turns_one_way = reversals[last] == reversals[begins]
     first = np.flatnonzero((ends < len(time)) & turns_one_way)
 

@@ -207,7 +207,10 @@ class FitResult:
         return [values[columns] for columns in self.places(0).values()]
 
     def without(self, task: Task, *gone: str) -> "FitResult":
-        """Returns the model without some of its effects, the others unchanged."""
+        """Returns the model without some of its effects, the others unchanged.
+
+        Their coefficients in theta are those of the nominal glider.
+        """
         theta = self.theta.copy()
         for kind in gone:
             slots = [*task.space.slots_of(kind)]

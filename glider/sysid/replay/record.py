@@ -285,9 +285,11 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         the times of n nodes, and which of them the given times are (m,).
     """
+    # In how many parts is each step cut?
     steps = np.diff(time)
     usual = np.median(steps)
     parts = np.ceil(steps / usual - 1e-6)
     count = np.where(steps > _GAP * usual, parts, 1).astype(int)
+
     place = np.concatenate([[0], np.cumsum(count)])
     return np.interp(np.arange(place[-1] + 1), place, time), place

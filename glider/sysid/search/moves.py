@@ -220,7 +220,10 @@ class Search:
         return None
 
     def _with_another(self, model: FitResult, score: Scorer) -> FitResult | None:
-        """The model with an effect that first order undervalues, added or exchanged."""
+        """The model with an effect that first order undervalues, added or exchanged.
+
+        The few best of the sets that may be better are fitted, one for each effect.
+        """
         own = score.by_first(model.kinds)
         others = [*score.larger(own), *score.swapped(own)]
         best_with: dict[str, Members] = {}  # Of the sets with each effect the best.

@@ -207,13 +207,14 @@ def _held_out_threshold(task: Task, kind: str, kinds: Collection[str]) -> float:
     """Returns the gain that an effect must bring on held-out flights [nats].
 
     More for each coefficient that is not a shape, and for an effect that is uncommon.
+    The others of the set, `kinds`, do not matter; see `threshold_of`.
     """
     space = task.space
     sizes = sum(slot not in space.shapes for slot in space.slots_of(kind))
     is_common = kind in space.kinds and space.kinds[kind].is_common
     cause = 0.0 if is_common else HELD_OUT_THRESHOLD["uncommon"]
-    more = HELD_OUT_THRESHOLD["coefficient"] * (sizes - 1)
-    return HELD_OUT_THRESHOLD["effect"] + more + cause
+    of_coefficients = HELD_OUT_THRESHOLD["coefficient"] * (sizes - 1)
+    return HELD_OUT_THRESHOLD["effect"] + of_coefficients + cause
 
 
 def threshold_of(task: Task, kind: str, kinds: Collection[str]) -> float:

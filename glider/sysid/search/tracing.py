@@ -272,7 +272,7 @@ def _needed(search: Search, model: FitResult) -> tuple[FitResult, dict[str, floa
     """Returns a model that is worth less without any effect, and their evidence.
 
     The evidence is what is lost without an effect [nats]. Where a model without one
-    diverges it is at least as much as that of any other.
+    diverges it is as much as the most of the others.
     """
     while True:
         fewer = {kind: search.fit_without(model, kind) for kind in model.kinds}
