@@ -61,7 +61,7 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     values = flight_values(flights, fitted)
     found = {}
     for kind, scale in sorted(SPREAD_KINDS.items()):
-        # What is lost without it, all other scales refitted?
+        # The cost without this variation, all other scales refitted.
         others = [name for name in NAMES if name != scale]
         _, cost_without = fit_scales(flights, fitted.without(scale), others)
 

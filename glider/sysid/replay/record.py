@@ -285,7 +285,7 @@ def _with_gaps_filled(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         the times of n nodes, and which of them the given times are (m,).
     """
-    # In how many parts is each step cut?
+    # The number of parts that each step is cut into.
     steps = np.diff(time)
     usual = np.median(steps)
     parts = np.ceil(steps / usual - 1e-6)

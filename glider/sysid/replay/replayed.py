@@ -258,7 +258,7 @@ def _rows_of(
     """
     moved, shift = trimmed(record, theta, trim)
     nodes = true_nodes(record, moved, gaussians)
-    nodes[:, OFFSET] = shift  # The elevator stands where its commands put it.
+    nodes[:, OFFSET] = shift  # Else the elevator follows its commands.
     flow = flow_at_nodes(record, moved, nodes, gaussians)
     alpha = np.unwrap(flow[:, 5 + FLOW_VARIABLES.index("alpha")])
     alphadot = np.gradient(alpha, record.time)
@@ -274,7 +274,7 @@ def _coefficients_of(
 
     With the velocity v through the air (of `flow`, see `flow_at_nodes`), the force
     f = m (a + g ẑ) and the pressure force q S = ½ ρ V² S_w they are
-    C_L = (f × v) / (q S V), C_D = -(f · v) / (q S V) and C_M = I θ̈ / (q S).
+    C_L = (f × v)_y / (q S V), C_D = -(f · v) / (q S V) and C_M = I θ̈ / (q S).
     """
     names = "mass", "wing_area", "pitch_inertia", "air_density", "gravity"
     mass, area, inertia, density, gravity = theta[space.places(names)]
