@@ -264,7 +264,7 @@ def survey(task: Task, model: FitResult) -> dict[str, float]:
 
 
 def near_sets(score: Scorer, found: Members) -> tuple[set[str], dict[str, set[str]]]:
-    """Finds the formulas of sets that one exchange or addition leads to from one set.
+    """Compares the sets that are one addition or one exchange away from a set.
 
     Farther away, errors of the linearization look like effects.
 
