@@ -6,7 +6,7 @@ log -> inspect -> smooth -> signs -> search -> errors before and after -> verdic
 import dataclasses
 import importlib.metadata
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from operator import attrgetter
 from typing import Any
@@ -24,7 +24,7 @@ from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, POSITION_SCALE
 from glider.physics.flown_range import ranges_of
 from glider.progress import Progress, Step
-from glider.sysid import outcome, result
+from glider.sysid import outcome
 from glider.sysid.constants import MANY_FLIGHTS
 from glider.sysid.evaluation import Searched, evaluate
 from glider.sysid.fit.session import are_at_one_end, by_number, find_change
@@ -34,6 +34,15 @@ from glider.sysid.likelihood.task import Task, make_task
 from glider.sysid.likelihood.uncertainty import Uncertainty, averaged, uncertainty_of
 from glider.sysid.replay.record import measure_noise, prepare
 from glider.sysid.replay.vehicle import Vehicle, make_vehicle
+from glider.sysid.result import (
+    Air,
+    Alternative,
+    Change,
+    FlightNames,
+    MeasurementNoise,
+    Result,
+    UnlikeFlights,
+)
 from glider.sysid.roll import RollSearch
 from glider.sysid.search.moves import Search
 from glider.sysid.search.signs import find_signs
@@ -53,21 +62,30 @@ _SHARES = {
 }
 """Usual shares of the time when the stages begin, measured on the samples."""
 _ENOUGH = 8  # Flights after a change that are preferred to more before it (c).
-_OTHER = {"before": "since", "since": "before"}
 _FEWEST = 4  # Flights that are traced alone (c).
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Analysis:
-    """The stages in order, timed."""
+    """The stages in order, timed.
+
+    Attributes:
+        progress: called with a line of text or a `Step` as the work goes on.
+        seconds: stage to its wall-clock time [s]; each stage adds its own.
+        inspection: the campaign as it was read and checked.
+        vehicle: of the campaign.
+        kinds: effects to try.
+        fitted: flights to fit; errors are measured on the others.
+        settings: of the run, for the report.
+    """
 
     progress: Progress
-    seconds: dict[str, float]  #: Stage to wall-clock time; each stage adds its own.
-    inspection: Inspection  #: The campaign as it was read and checked.
-    vehicle: Vehicle  #: Of the campaign.
-    kinds: tuple[str, ...]  #: Of effects to try.
-    fitted: tuple[Flight, ...]  #: Those to fit; errors are measured on the others.
-    settings: dict[str, Any]  #: Of the run, for the report.
+    seconds: dict[str, float]
+    inspection: Inspection
+    vehicle: Vehicle
+    kinds: tuple[str, ...]
+    fitted: tuple[Flight, ...]
+    settings: dict[str, Any]
 
     @contextmanager
     def stage(self, name: str, words: str = "") -> Iterator[None]:
@@ -78,7 +96,7 @@ class Analysis:
         taken = time.perf_counter() - begin
         self.seconds[name] = self.seconds.get(name, 0.0) + taken
 
-    def run(self) -> result.Result:
+    def run(self) -> Result:
         """Runs all stages; where the glider changed, again on one part of the session.
 
         That is the part after the change, if it has enough flights, or the longer one.
@@ -86,60 +104,65 @@ class Analysis:
         found = self._run()
         if not found.changes:
             return found
+
         [change] = found.changes
-        words = [change.sentence]
-        kept, gone, side = self._divided(change)
+        sentences = [change.sentence]
+        sides = self._sides_of(change)
+        side, other = "since", "before"
+        if len(sides[side]) < min(_ENOUGH, len(sides[other])):
+            side, other = other, side
+        kept = sides[side]
+        gone = sides[other]
         if gone and len(kept) >= _FEWEST:
-            self.progress(f"{words[0]} Again on {len(kept)} flights")
+            self.progress(f"{change.sentence} Again on {len(kept)} flights")
             again = self._on(kept)._run()
-            words += [own.sentence for own in again.changes]
-            words.append(
-                f"This report is of the {len(kept)} flights {_OTHER[side]} then; the "
-                f"{len(gone)} {side} then are excluded (trace them with --flights)."
+            sentences += [own.sentence for own in again.changes]
+            sentences.append(
+                f"This report is of the {len(kept)} flights {side} then; the "
+                f"{len(gone)} {other} then are excluded (trace them with --flights)."
             )
-            why = f"flown {side} the change at {change.flight}"
+            why = f"flown {other} the change at {change.flight}"
             rows = [ExcludedRows(file=name, rows=ALL, why=why) for name in gone]
             found = dataclasses.replace(
                 again,
                 changes=(change, *again.changes),
-                set_aside=tuple(
-                    sorted([*again.set_aside, *rows], key=attrgetter("file"))
-                ),
+                set_aside=_by_file([*again.set_aside, *rows]),
             )
         elif found.verdict == "no_effect":
             nothing = "No effect is found that is the same in all flights."
             found = dataclasses.replace(found, verdict="unexplained", reason=nothing)
 
-        return dataclasses.replace(found, reason=" ".join([*words, found.reason]))
+        return dataclasses.replace(found, reason=" ".join([*sentences, found.reason]))
 
-    def _divided(self, change: result.Change) -> tuple[list[str], list[str], str]:
-        """Names of the flights to trace, the others, and their side of a change."""
+    def _sides_of(self, change: Change) -> dict[str, list[str]]:
+        """Names of the flights "before" a change and "since", in their order.
+
+        A drift has no flight: all are since then.
+        """
         names = [flight.name for flight in self.inspection.campaign.flights]
         names.sort(key=by_number)
-        if not change.flight:
-            return names, [], ""
-        at = names.index(change.flight)
-        before, after = names[:at], names[at:]
-        if len(after) >= min(_ENOUGH, len(before)):
-            return after, before, "before"
-        return before, after, "since"
+        at = names.index(change.flight) if change.flight else 0
+        return {"before": names[:at], "since": names[at:]}
 
     def _on(self, names: Collection[str]) -> "Analysis":
-        """The analysis of some of the flights alone."""
+        """The analysis of some of the flights alone.
+
+        They are split again into those to fit and those to hold out.
+        """
+        settings = self.settings
         campaign = self.inspection.campaign
         flights = tuple(f for f in campaign.flights if f.name in names)
         campaign = dataclasses.replace(campaign, flights=flights)
-        settings = self.settings
         fitted, _ = split_flights(campaign, settings["held_out"], settings["seed"])
         inspection = dataclasses.replace(self.inspection, campaign=campaign)
         return dataclasses.replace(self, inspection=inspection, fitted=fitted)
 
-    def _run(self) -> result.Result:
+    def _run(self) -> Result:
         """Runs all stages once."""
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.space)
 
-        signs, campaign, servo = self._corrected()
+        signs, campaign, about_servo = self._corrected()
         found = self._search(campaign)
         task = found.task
         traced = found.traced
@@ -151,8 +174,8 @@ class Analysis:
                 baseline = fit_model(task, dataclasses.replace(baseline, free=free))
 
         with self.stage("predict", "predicting held-out flights"):
-            spreads = outcome.spreads_of(task, model)
             seed = self.settings["seed"]
+            spreads = outcome.spreads_of(task, model)
             change = None
             if traced.bank is None:  # Else flights differ by their roll.
                 rng = np.random.default_rng(seed)
@@ -161,8 +184,8 @@ class Analysis:
             evaluated, tests = evaluate(found, baseline, spreads, rng)
 
         with self.stage("weigh", "standard errors"):
-            flown_values = evaluated["residual_after"].variables
-            alternatives, known = _weigh(found, signs, flown_values)
+            flown = evaluated["residual_after"].variables
+            alternatives, known = _weigh(found, signs, flown)
             effects = outcome.effects_of(task, traced, tests, known, spreads, signs)
 
         flights = evaluated["flights"]
@@ -180,25 +203,30 @@ class Analysis:
             spreads,
             doubt,
         )
+        sentences = [
+            *map(_first_sentence, about_servo),
+            reason,
+            self._about_outlying(found.outlying),
+            _about_diverged(flights),
+        ]
+        # Of a flight that stands out all rows are excluded.
         rows = [s for s in self.inspection.excluded if s.file not in found.outlying]
         for name, why in found.outlying.items():
             rows.append(ExcludedRows(file=name, rows=ALL, why=why))
 
         scales = model.scales
-        space = self.vehicle.space
-        return result.Result(
+        own_kinds = self.vehicle.space.kinds
+        return Result(
             campaign=campaign.name,
             path=campaign.path,
             knows_forces=self.vehicle.knows_forces,
             verdict=verdict,
-            reason=" ".join([*map(_first_sentence, servo), reason])
-            + self._about_outlying(found.outlying)
-            + _about_diverged(flights),
+            reason=" ".join(filter(None, sentences)),
             effects=effects,
             **evaluated,
             changes=() if change is None else (change,),
             evidence_threshold=traced.threshold,
-            air=result.Air(0.0 if scales.is_still else scales.air, scales.air_time),
+            air=Air(0.0 if scales.is_still else scales.air, scales.air_time),
             spreads=spreads,
             vehicle=outcome.vehicle_of(task, model, known),
             clocks=outcome.clocks_of(task, model, known),
@@ -206,17 +234,22 @@ class Analysis:
             alternatives=alternatives,
             covariance=outcome.covariance_of(task, known),
             warnings=self._warnings(evaluated["unlike"]),
-            set_aside=tuple(sorted(rows, key=attrgetter("file"))),
-            noise=result.MeasurementNoise(found.noise.position, found.noise.pitch),
-            log_findings=self.inspection.warnings + servo,
-            own_effects=tuple(space.kinds[n] for n in self.settings["own_effects"]),
+            set_aside=_by_file(rows),
+            noise=MeasurementNoise(found.noise.position, found.noise.pitch),
+            log_findings=self.inspection.warnings + about_servo,
+            own_effects=tuple(own_kinds[n] for n in self.settings["own_effects"]),
             settings=self.settings,
             seconds=self.seconds,
             version=importlib.metadata.version("drake-glider"),
         )
 
     def _corrected(self) -> tuple[Signs, Campaign, tuple[str, ...]]:
-        """Turns wrong signs back and finds the servo; also returns what was found."""
+        """Turns wrong signs back and finds the servo.
+
+        Returns:
+            the signs, the campaign with these and with what its elevators do, and
+            sentences on the servo.
+        """
         effects = self.settings["effects"]
         logged = self.inspection.campaign
         masks = self.inspection.masks
@@ -225,7 +258,8 @@ class Analysis:
             if effects is None or ANGLE_SIGN.kind in effects:
                 signs = find_signs(logged, self.fitted, masks, self.vehicle)
 
-        return signs, *identify_servo(turn_campaign(logged, signs), masks)
+        campaign, sentences = identify_servo(turn_campaign(logged, signs), masks)
+        return signs, campaign, sentences
 
     def _search(self, campaign: Campaign) -> Searched:
         """Searches the effects that the flights to fit show, without outliers."""
@@ -237,19 +271,20 @@ class Analysis:
 
         with self.stage("compare", "comparing flights"):
             everything = make_task(records, make_vehicle(campaign, space), self.kinds)
-            outlying = {
-                name: "explained by no model with the others: its mean square is "
-                f"{ratio:.3g} times the median (another clock, axis, unit or glider, "
-                "or a hit?)"
-                for name, ratio in find_outlying(everything, noise).items()
-            }
-
+            outlying = {}
+            for name, ratio in find_outlying(everything, noise).items():
+                outlying[name] = (
+                    "explained by no model with the others: its mean square is "
+                    f"{ratio:.3g} times the median (another clock, axis, unit or "
+                    "glider, or a hit?)"
+                )
             everything, task = self._without(outlying, everything)
 
         with self.stage("trace"):
             search = Search(task, self.progress)
             traced = trace(search, noise)
-            if extreme := find_extreme(everything, traced.model):
+            extreme = find_extreme(everything, traced.model)
+            if extreme:
                 again = sorted(r.name for r in task.records if r.name in extreme)
                 everything, task = self._without(extreme, everything)
                 outlying |= extreme
@@ -258,11 +293,12 @@ class Analysis:
                     search = Search(task, self.progress)
                     traced = trace(search, noise)
 
-        names = [record.name for record in records]
         session = everything
-        if are_at_one_end(outlying, names):  # Of another glider, perhaps.
-            session = everything.on(records)
-        if self.vehicle.is_known and all(f.attitude is None for f in campaign.flights):
+        if are_at_one_end(outlying, [record.name for record in records]):
+            session = everything.on(records)  # They are of another glider, perhaps.
+
+        logs_roll = any(flight.attitude is not None for flight in campaign.flights)
+        if self.vehicle.is_known and not logs_roll:
             with self.stage("roll", "comparing flights that roll"):
                 few = search.thinned(MANY_FLIGHTS)
                 rolls = RollSearch(
@@ -275,7 +311,11 @@ class Analysis:
     def _without(
         self, outlying: Mapping[str, str], everything: Task
     ) -> tuple[Task, Task]:
-        """The task without flights that stand out, and that on the flights to fit."""
+        """The task without flights that stand out, and that on the flights to fit.
+
+        Raises:
+            InputError: too few flights are left to fit and to hold out.
+        """
         kept = [r for r in everything.records if r.name not in outlying]
         names = [flight.name for flight in self.fitted]
         fitted = [r for r in kept if r.name in names]
@@ -294,11 +334,11 @@ class Analysis:
             return ""
         count = len(self.inspection.campaign.flights)
         return (
-            f" {len(outlying)} of {count} flights are excluded, as no model explains "
+            f"{len(outlying)} of {count} flights are excluded, as no model explains "
             f"them with the others: {', '.join(sorted(outlying))}."
         )
 
-    def _warnings(self, unlike: result.UnlikeFlights | None) -> tuple[str, ...]:
+    def _warnings(self, unlike: UnlikeFlights | None) -> tuple[str, ...]:
         """Returns sentences about what limits the result."""
         found = []
         tried = self.settings["effects"]
@@ -316,12 +356,16 @@ class Analysis:
         return tuple(found)
 
 
-def _about_diverged(flights: result.FlightNames) -> str:
+def _by_file(rows: Iterable[ExcludedRows]) -> tuple[ExcludedRows, ...]:
+    return tuple(sorted(rows, key=attrgetter("file")))
+
+
+def _about_diverged(flights: FlightNames) -> str:
     """Returns the sentence on flights that are in no error; empty without any."""
     if not flights.diverged:
         return ""
     return (
-        f" The errors are without {len(flights.diverged)} of {len(flights.held_out)} "
+        f"The errors are without {len(flights.diverged)} of {len(flights.held_out)} "
         f"held-out flights, on which every model diverges: "
         f"{', '.join(flights.diverged)}."
     )
@@ -333,10 +377,16 @@ def _first_sentence(text: str) -> str:
 
 def _weigh(
     found: Searched, signs: Signs, flown: Mapping[str, np.ndarray]
-) -> tuple[tuple[result.Alternative, ...], Uncertainty]:
-    """Returns the models that may be right, the chosen one first, and its errors.
+) -> tuple[tuple[Alternative, ...], Uncertainty]:
+    """Weighs the models that may be right by their evidence.
 
-    `flown` are the variables (n,) of the flights.
+    Args:
+        found: the chosen model and its rivals.
+        signs: by which the logs were turned.
+        flown: variables of the flights (n,), by name.
+
+    Returns:
+        the models, the chosen one first, and its errors, averaged over all.
     """
     task = found.task
     traced = found.traced
@@ -350,7 +400,7 @@ def _weigh(
         glider = dataclasses.replace(glider, flown=ranges_of(glider, flown))
         covariance = outcome.covariance_of(task, errors[i])
         alternatives.append(
-            result.Alternative(
+            Alternative(
                 probability=probabilities[i], model=glider, covariance=covariance
             )
         )

@@ -1,4 +1,8 @@
-"""Errors of all models on flights that they were not fitted to."""
+"""Errors of all models on flights that they were not fitted to.
+
+The models are the nominal one, where it is complete, the refitted baseline and the
+corrected one; a perfect model, see `glider.sysid.fit.floor`, is what they could reach.
+"""
 
 import dataclasses
 import functools
@@ -9,7 +13,6 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects.families import FAMILIES
-from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import PerfectModel, compare
@@ -21,21 +24,37 @@ from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.outcome import SPREAD_KINDS
 from glider.sysid.replay.record import Noise, Record
 from glider.sysid.replay.replayed import make_table
-from glider.sysid.result import MODELS, PERFECT, ResidualTable, Spread
+from glider.sysid.result import (
+    MODELS,
+    PERFECT,
+    FlightNames,
+    HeldOutFlight,
+    ResidualTable,
+    Spread,
+)
 from glider.sysid.search.subsets import survey
 from glider.sysid.search.tracing import SearchResult, forces_alone
 
 
 @dataclasses.dataclass(frozen=True)
 class Searched:
-    """What a search found, and on which flights."""
+    """What a search found, and on which flights.
 
-    noise: Noise  #: Of the sensors.
-    everything: Task  #: On all flights, without those that stand out.
-    task: Task  #: On those to fit.
+    Attributes:
+        noise: of the sensors.
+        everything: on all flights, without those that stand out.
+        task: on those to fit.
+        traced: outcome of the search on these.
+        outlying: names of flights that stand out, and why.
+        session: on all flights, with those that stand out at one end of them.
+    """
+
+    noise: Noise
+    everything: Task
+    task: Task
     traced: SearchResult
-    outlying: Mapping[str, str]  #: Names of flights that stand out, and why.
-    session: Task  #: On all flights, with those that stand out at one end of them.
+    outlying: Mapping[str, str]
+    session: Task
 
 
 def evaluate(
@@ -46,53 +65,47 @@ def evaluate(
 ) -> tuple[dict[str, Any], HeldOut]:
     """Predicts held-out flights by all models.
 
-    Returns fields of `Result`, and what each flight says that is held out once.
+    Args:
+        searched: the flights, and the corrected model.
+        baseline: the refitted one.
+        spreads: flight-to-flight variations that are reported.
+        rng: for the folds and the flights of a perfect model.
+
+    Returns:
+        fields of `Result`, and what each flight says that is held out once.
     """
     task = searched.task
     traced = searched.traced
     corrected = traced.model
     fitted = {"refitted": baseline, "corrected": corrected}
     if task.vehicle.is_known:
-        fixed = dataclasses.replace(baseline, theta=task.vehicle.theta, free=())
-        fitted = {"nominal": fixed, **fitted}
+        nominal = dataclasses.replace(baseline, theta=task.vehicle.theta, free=())
+        fitted = {"nominal": nominal, **fitted}
 
     models = {n: flown_by(task, m, corrected.scales) for n, m in fitted.items()}
-    others = {"refitted": baseline}
-    tested = corrected
-    if traced.forces is not None:
-        tested = forces_alone(task, corrected, traced.forces)
-        others["refitted"] = forces_alone(task, baseline, traced.forces)
-    elif task.vehicle.is_known:
-        others["nominal"] = traced.bare
-
-    if not corrected.kinds:  # Nothing was added that could gain.
-        others = {}
-    offered = searched.everything.offering(traced.near)
-    tests = hold_out(offered, tested, others, rng)
+    tests = _hold_out(searched, baseline, rng)
 
     records = searched.everything.records
     unseen = [record for record in records if record not in task.records]
-    held_out = {name: _table(model, unseen) for name, model in models.items()}
+    tables = {name: _table(model, unseen) for name, model in models.items()}
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         equation = {
-            name: prediction.rms(own.residual) for name, own in held_out.items()
+            name: prediction.rms(table.residual) for name, table in tables.items()
         }
 
-    noise = prediction.rms(held_out["corrected"].noise)
+    equation[PERFECT] = prediction.rms(tables["corrected"].noise)
     perfect = PerfectModel(
         truth=without_model_errors(traced, spreads),
         pitch_ratio=searched.noise.smoothing[2].ratio,
         rng=rng,
     )
     depends_on = _variables_of(task, traced.judged)
-    found = compare(
-        models, unseen, perfect, {**equation, PERFECT: noise}, records, depends_on
-    )
+    found = compare(models, unseen, perfect, equation, records, depends_on)
     shown = []
     for i, record in enumerate(unseen):
         rows = prediction.beginning_rows(record.time, task.vehicle.per_flight_trims)
         shown.append(
-            result.HeldOutFlight(
+            HeldOutFlight(
                 name=record.name,
                 time=record.time,
                 measured=record.pose,
@@ -104,7 +117,7 @@ def evaluate(
     after = _table(models["corrected"], records)
     unlike = predict_unlike(searched.everything, fitted, traced.forces, after, perfect)
     return {
-        "flights": result.FlightNames(
+        "flights": FlightNames(
             fit=tuple(record.name for record in task.records),
             held_out=tuple(record.name for record in unseen),
             diverged=tuple(r.name for r in unseen if r not in found.counted),
@@ -118,8 +131,35 @@ def evaluate(
     }, tests
 
 
+def _hold_out(
+    searched: Searched, baseline: FitResult, rng: np.random.Generator
+) -> HeldOut:
+    """Compares the correction with other models on flights held out in folds.
+
+    These are the baseline and, of a known glider, the nominal model; of unknown forces
+    both are judged by the forces alone. A correction that adds nothing has no others.
+    """
+    task = searched.task
+    traced = searched.traced
+    tested = traced.model
+    others = {"refitted": baseline}
+    if traced.forces is not None:
+        others["refitted"] = forces_alone(task, baseline, traced.forces)
+        tested = forces_alone(task, tested, traced.forces)
+    elif task.vehicle.is_known:
+        others["nominal"] = traced.bare
+
+    if not tested.kinds:
+        others = {}
+    offered = searched.everything.offering(traced.near)
+    return hold_out(offered, tested, others, rng)
+
+
 def _variables_of(task: Task, model: FitResult) -> tuple[str, ...]:
-    """Variables that the remainder of a model varies with, at most three."""
+    """Variables that the remainder of a model varies with, at most three.
+
+    Those of the free functions with the most evidence beside it.
+    """
     gains = survey(task, model)
     found = [
         variable

@@ -1,4 +1,9 @@
-"""The parts of a result: effects, corrected model, spreads."""
+"""The parts of a result: effects, corrected model, spreads.
+
+Each function turns a fitted model into data of `glider.sysid.result`, with names and
+units in place of slots of theta. Throughout, `task` has the flights to which `model`
+was fitted, and `known` are the errors of its parameters.
+"""
 
 import dataclasses
 import math
@@ -15,7 +20,6 @@ from glider.physics.effects.families import FAMILIES
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.physics.model import GliderModel
 from glider.physics.parameter_space import OF_VEHICLE
-from glider.sysid import result
 from glider.sysid.constants import EVIDENCE_THRESHOLD, LEAST_SPREAD, Z
 from glider.sysid.fit.folds import HeldOut
 from glider.sysid.likelihood.filtering import PER_FLIGHT, flight_values
@@ -26,7 +30,14 @@ from glider.sysid.likelihood.scales import NAMES
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.likelihood.uncertainty import Uncertainty
 from glider.sysid.replay.log_space import SERVO_LOG
-from glider.sysid.result import Estimate, FoundEffect, Spread
+from glider.sysid.result import (
+    LIBRARY_SHAPE,
+    OTHER_SHAPE,
+    UNEXPLAINED,
+    Estimate,
+    FoundEffect,
+    Spread,
+)
 from glider.sysid.search.tracing import SearchResult
 
 SPREAD_KINDS = {kind.kind: kind.varies_by for kind in LIBRARY if kind.varies_by}
@@ -43,31 +54,32 @@ def spreads_of(task: Task, model: FitResult) -> dict[str, Spread]:
     fitted scale is about zero: where the mean of the flights is clearly not zero, the
     variation is that of their values about it.
     """
-    flights = error_flights(task, model)
-    # Those of the model may be priors, as in the search along the attitude.
-    fitted, base = fit_scales(flights, model.scales)
-    values = flight_values(flights, fitted)
     names = [record.name for record in task.records]
+    flights = error_flights(task, model)
+    # The model's scales may be priors, as in the search along the attitude.
+    fitted, cost = fit_scales(flights, model.scales)
+    values = flight_values(flights, fitted)
     found = {}
     for kind, scale in sorted(SPREAD_KINDS.items()):
-        coefficient = task.space.kinds[kind].coefficients[0]
+        # The cost without this variation, all other scales refitted.
         others = [name for name in NAMES if name != scale]
-        _, without = fit_scales(flights, fitted.without(scale), others)
-        varying = values[:, PER_FLIGHT[kind]]
-        mean = varying.mean(axis=0)
-        about_mean = varying.std(axis=0)
+        _, cost_without = fit_scales(flights, fitted.without(scale), others)
+
+        of_kind = values[:, PER_FLIGHT[kind]]  # (flights, coefficients)
         std = getattr(fitted, scale)
-        error_of_mean = about_mean / math.sqrt(len(values))
-        if np.any(np.abs(mean) > Z * error_of_mean):
+        about_mean = of_kind.std(axis=0)
+        error_of_mean = about_mean / math.sqrt(len(of_kind))
+        if np.any(np.abs(of_kind.mean(axis=0)) > Z * error_of_mean):
             std = float(np.sqrt(np.mean(about_mean**2)))
+
+        coefficient = task.space.kinds[kind].coefficients[0]
         least = LEAST_SPREAD * coefficient.scale
-        is_shown = without - base > EVIDENCE_THRESHOLD
-        if is_shown and least < min(std, getattr(model.scales, scale)):
-            own = varying[:, 0].tolist()
+        is_large = least < min(std, getattr(model.scales, scale))
+        if is_large and cost_without - cost > EVIDENCE_THRESHOLD:
             found[kind] = Spread(
                 std=std,
                 unit=coefficient.unit,
-                values=dict(zip(names, own, strict=True)),
+                values=dict(zip(names, of_kind[:, 0].tolist(), strict=True)),
             )
 
     return found
@@ -81,46 +93,45 @@ def effects_of(
     spreads: Mapping[str, Spread],
     signs: Signs,
 ) -> tuple[FoundEffect, ...]:
-    """Effects with their coefficients and standard errors, by their evidence."""
+    """Effects with their coefficients and standard errors, by their evidence.
+
+    Args:
+        task: flights to which the model was fitted.
+        traced: outcome of the search on them.
+        tests: in how many folds each effect is found again.
+        known: errors of the model's parameters.
+        spreads: flight-to-flight variations, see `spreads_of`.
+        signs: by which the logs were turned.
+    """
     model = traced.model
-    theta = model.theta
-    functions = model.by_name
     names = dict(traced.names)
     [latency] = task.space.slots_of(POSE_LATENCY.kind)
-    if theta[latency] < 0.0:  # Not physical: clocks differ, see `verdict.find_doubt`.
+    if model.theta[latency] < 0.0:  # Clocks differ, see `verdict.find_doubt`.
         names.pop(POSE_LATENCY.kind, None)
-    members = dict[str, list[str]]()  # Formulas come first, then what bends them.
+
+    # Kinds of one name are one effect: a formula first, then what bends it.
+    members = dict[str, list[str]]()
     for kind, name in names.items():
-        members.setdefault(kind if name == result.UNEXPLAINED else name, []).append(
-            kind
-        )
+        entry = kind if name == UNEXPLAINED else name
+        members.setdefault(entry, []).append(kind)
+
+    found = []
+    if not signs.are_right:
+        found.append(_turned_angles(signs))
 
     evidence = traced.evidence
     whole = max(sum(evidence.values()), 1e-9)
-    found = []
-    if not signs.are_right:
-        turned = signs.effect.to_dict()
-        found.append(
-            FoundEffect(
-                kind=ANGLE_SIGN.kind,
-                words=ANGLE_SIGN.words,
-                coefficients={n: Estimate(v, 0.0, "-") for n, v in turned.items()},
-                evidence=signs.evidence,
-                share_of_residual=signs.share,
-                depends_on=ANGLE_SIGN.depends_on,
-            )
-        )
-
-    for first, *bending in members.values():
-        if first in functions:
-            entry = _function_entry(task, model, first, names[first], known)
+    for kinds in members.values():
+        first = kinds[0]
+        if first in model.by_name:
+            effect = _function_entry(task, model, first, names[first], known)
         else:
-            entry = _formula_entry(task, model, first, known)
+            effect = _formula_entry(task, model, first, known)
 
-        brought = float(sum(evidence[kind] for kind in (first, *bending)))
+        brought = float(sum(evidence[kind] for kind in kinds))
         found.append(
             dataclasses.replace(
-                entry,
+                effect,
                 evidence=brought,
                 share_of_residual=float(np.clip(brought / whole, 0.0, 1.0)),
                 inclusion=tests.inclusion(first),
@@ -130,24 +141,38 @@ def effects_of(
 
     if found and not task.vehicle.per_flight_trims:
         for varying, spread in spreads.items():
-            if varying in model.kinds:
-                continue
-            effect = task.space.kinds[varying]
-            coefficient = effect.coefficients[0].name
-            values = list(spread.values.values())
-            std = spread.std / math.sqrt(len(values))
-            mean = Estimate(float(np.mean(values)), std, spread.unit)
-            found.append(
-                FoundEffect(
-                    kind=varying,
-                    words=f"{effect.words}, different in each flight",
-                    coefficients={coefficient: mean},
-                    inclusion=math.nan,
-                    depends_on=effect.depends_on,
-                )
-            )
+            if varying not in model.kinds:
+                found.append(_varying_effect(task, varying, spread))
 
     return tuple(sorted(found, key=lambda e: -np.nan_to_num(e.evidence, nan=-1.0)))
+
+
+def _turned_angles(signs: Signs) -> FoundEffect:
+    """Angles that were logged with the other sign, as an effect."""
+    turned = signs.effect.to_dict()
+    return FoundEffect(
+        kind=ANGLE_SIGN.kind,
+        words=ANGLE_SIGN.words,
+        coefficients={name: Estimate(v, 0.0, "-") for name, v in turned.items()},
+        evidence=signs.evidence,
+        share_of_residual=signs.share,
+        depends_on=ANGLE_SIGN.depends_on,
+    )
+
+
+def _varying_effect(task: Task, kind: str, spread: Spread) -> FoundEffect:
+    """A flight-to-flight variation as an effect: the mean of its flights."""
+    effect = task.space.kinds[kind]
+    values = list(spread.values.values())
+    std = spread.std / math.sqrt(len(values))
+    mean = Estimate(float(np.mean(values)), std, spread.unit)
+    return FoundEffect(
+        kind=kind,
+        words=f"{effect.words}, different in each flight",
+        coefficients={effect.coefficients[0].name: mean},
+        inclusion=math.nan,
+        depends_on=effect.depends_on,
+    )
 
 
 def _formula_entry(
@@ -160,23 +185,23 @@ def _formula_entry(
     """
     kind = task.space.kinds[name]
     slots = task.space.slots_of(name)
-    entries = zip(slots, kind.coefficients, strict=True)
-    coefficients = {
-        own.name: _estimate(model, known, slot, own.unit) for slot, own in entries
-    }
+    coefficients = {}  # By their names.
+    for slot, own in zip(slots, kind.coefficients, strict=True):
+        coefficients[own.name] = _estimate(model, known, slot, own.unit)
+
     is_bent = any(name in FAMILIES[other].bends for other in model.free_kinds)
     sizes = [own for own in kind.coefficients if not own.is_shape]
-    told = [coefficients[own.name] for own in sizes or kind.coefficients]
+    judged = [coefficients[own.name] for own in sizes or kind.coefficients]
     words = kind.words
-    if all(abs(size.value) < BAND * size.std for size in told):
+    if all(abs(size.value) < BAND * size.std for size in judged):
         words = f"like {name} ({kind.words}), of a size that may be zero"
-        name = result.UNEXPLAINED
+        name = UNEXPLAINED
 
     return FoundEffect(
         kind=name,
         words=words,
         coefficients=coefficients,
-        shape=result.OTHER_SHAPE if is_bent else result.LIBRARY_SHAPE,
+        shape=OTHER_SHAPE if is_bent else LIBRARY_SHAPE,
         depends_on=kind.depends_on,
     )
 
@@ -184,13 +209,17 @@ def _formula_entry(
 def _function_entry(
     task: Task, model: FitResult, name: str, kind: str, known: Uncertainty
 ) -> FoundEffect:
-    """A free function as an effect: its link, its variables and where it is largest."""
+    """A free function as an effect: its link, its variables and where it is largest.
+
+    `kind` is that by which it is reported: the formula that it is or bends, or
+    "unexplained".
+    """
     family = FAMILIES[name]
     words = family.words
-    shape = result.OTHER_SHAPE
-    if kind == result.UNEXPLAINED:
+    shape = OTHER_SHAPE
+    if kind == UNEXPLAINED:
         words = f"no effect of the library: {words}"
-        shape = result.LIBRARY_SHAPE
+        shape = LIBRARY_SHAPE
 
     return FoundEffect(
         kind=kind,
@@ -206,12 +235,20 @@ def _rivals_of(
 ) -> tuple[str, ...]:
     """Returns the formulas that would do as well in the place of an effect.
 
-    `names` are those of all effects, see `SearchResult.names`. To first order, or as
-    fitted in a set without it, but with all other formulas, that is nearly as likely;
-    where that has several others instead, they do as well together.
+    To first order, or as fitted in a set without it, but with all other formulas, that
+    is nearly as likely; where that has several others instead, they do as well
+    together.
+
+    Args:
+        task: flights of the search.
+        traced: its outcome.
+        names: of the effects that are reported, see `SearchResult.names`.
+        own: kind of the effect.
     """
     formulas = {*traced.model.kinds} - FAMILIES.keys()
-    found = {*traced.alike.get(own, ())} if own not in FAMILIES else set[str]()
+    found = set[str]()
+    if own not in FAMILIES:
+        found.update(traced.alike.get(own, ()))
     for rival, _ in traced.rivals:
         its = {*rival.kinds}
         has_all_others = formulas - its <= {own}
@@ -233,16 +270,22 @@ def _find_peak(
     """
     function = model.by_name[name]
     points = flown_values(task.records, model.theta)[:, function.columns]
-    rows = function.gaussians(points) @ function.mix
+    rows = function.gaussians(points) @ function.mix  # Slopes by coordinates, (n, q).
     values = rows @ function.coordinates
     covariance, _ = known.of(known.places[name])
-    stds = np.sqrt(np.maximum(np.sum(rows @ covariance * rows, axis=1), 0.0))
-    sure = np.nan_to_num(np.abs(values) - BAND * stds)
-    peak = int(np.argmax(sure if np.max(sure) > 0.0 else np.abs(values)))
-    std = float(stds[peak])
+    variances = np.sum(rows @ covariance * rows, axis=1)
+    stds = np.sqrt(np.maximum(variances, 0.0))
+
+    sizes = np.abs(values)
+    beyond_band = np.nan_to_num(sizes - BAND * stds)
+    if np.max(beyond_band) > 0.0:
+        sizes = beyond_band
+    peak = int(np.argmax(sizes))
+
     term = function.effect.kind
     [value] = function.effect.coefficients
-    found = {f"{term}_peak": Estimate(float(values[peak]), std, value.unit)}
+    height = Estimate(float(values[peak]), float(stds[peak]), value.unit)
+    found = {f"{term}_peak": height}
     for variable, place in zip(function.variables, points[peak], strict=True):
         at = Estimate(float(place), math.nan, FLOW_UNITS[variable])
         found[f"{term}_peak_at_{variable}"] = at
@@ -251,18 +294,20 @@ def _find_peak(
 
 
 def model_of(task: Task, model: FitResult, signs: Signs) -> GliderModel:
-    """The corrected glider."""
+    """The corrected glider.
+
+    It has the effects of the model, and those that a vehicle may have whatever is
+    found: they are fitted with its unknown parameters.
+    """
     space = task.space
     parameters, fitted = space.unpack(model.theta, task.vehicle.parameters)
     by_kind = {effect.kind.kind: effect for effect in fitted}
-    nuisance = {space.owners[i] for i in task.vehicle.unknown} - {*model.kinds}
-    effects = []
-    if not signs.are_right:
-        effects.append(signs.effect)
-    for name in (*model.kinds, *(kind for kind in space.kinds if kind in nuisance)):
-        if name not in model.free_kinds:
-            effects.append(by_kind[name])
+    unknown = {space.owners[slot] for slot in task.vehicle.unknown}
 
+    kinds = [*model.kinds]
+    kinds += [k for k in space.kinds if k in unknown and k not in model.kinds]
+    effects = [] if signs.are_right else [signs.effect]
+    effects += [by_kind[kind] for kind in kinds if kind not in model.free_kinds]
     return GliderModel(
         parameters=parameters,
         effects=tuple(effects),
@@ -275,7 +320,10 @@ def _estimate(model: FitResult, known: Uncertainty, slot: int, unit: str) -> Est
 
 
 def vehicle_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Estimate]:
-    """The unknown parameters of the vehicle, by name."""
+    """The unknown parameters of the vehicle, by name.
+
+    Without a mass, areas and inertia are per kilogram.
+    """
     space = task.space
     found = {}
     for slot in task.vehicle.unknown:
@@ -291,10 +339,11 @@ def clocks_of(task: Task, model: FitResult, known: Uncertainty) -> dict[str, Est
     """Offsets of the log's clocks that were estimated, by name [ms]."""
     found = {}
     for slot in task.space.slots_of(SERVO_LOG.kind):
-        if slot in known.free:
-            own = _estimate(model, known, slot, "ms")
-            name = task.space.entries[slot].name
-            found[name] = Estimate(1e3 * own.value, 1e3 * own.std, own.unit)
+        if slot not in known.free:
+            continue
+        name = task.space.entries[slot].name
+        seconds = _estimate(model, known, slot, "s")
+        found[name] = Estimate(1e3 * seconds.value, 1e3 * seconds.std, "ms")
 
     return found
 

@@ -3,7 +3,8 @@
 Process noise and per-flight constants absorb whatever a model lacks; where they explain
 most of the error the effects mean nothing. That happens where a log is inconsistent in
 a way that no check of its rows detects, as with the commands of another flight or a
-clock that runs slow.
+clock that runs slow. `find_doubt` and `too_few_fly` find such reasons; `judge` weighs
+them with what was found and with the errors on held-out flights.
 """
 
 import math
@@ -14,12 +15,21 @@ import numpy as np
 from glider.campaign.checks.motion import robust_std
 from glider.physics.effects import ELEVATOR_SCALE, LIBRARY, POSE_LATENCY, EffectKind
 from glider.physics.parameters import PARAMETER_NAMES
-from glider.sysid import constants
-from glider.sysid.constants import WORSE
+from glider.sysid.constants import (
+    CLOCK_ERROR,
+    GAIN_ERROR,
+    MOMENT_SHARE,
+    MOMENT_TIME,
+    PER_OUTLIER,
+    TAIL_SPREAD,
+    WORSE,
+    Z,
+)
 from glider.sysid.fit.folds import Gains
 from glider.sysid.likelihood.scales import CEILING
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.replay.log_space import SERVO_LOG
+from glider.sysid.replay.record import Record
 from glider.sysid.replay.replayed import signals
 from glider.sysid.result import (
     LIBRARY_SHAPE,
@@ -49,6 +59,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
     """Finds the reason why a model cannot be trusted: one clause, or None."""
 
     def value_of(kind: EffectKind) -> float:
+        """The first coefficient of an effect."""
         return float(model.theta[task.space.slots_of(kind.kind)[0]])
 
     early = -value_of(POSE_LATENCY)
@@ -56,11 +67,13 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
     # Times that are rounded to rows are off by half a step.
     if early > 0.5 * step or (early > 0.0 and len(model.kinds) == 1):
         return f"poses are logged {1e3 * early:.1f} ms before they happen {_CLOCK}"
+
     shift = value_of(SERVO_LOG)
-    if abs(shift) > constants.CLOCK_ERROR:
+    if abs(shift) > CLOCK_ERROR:
         return f"the servo's log is {1e3 * shift:+.0f} ms off the poses {_CLOCK}"
+
     change = value_of(ELEVATOR_SCALE)
-    if abs(change) > constants.TAIL_SPREAD:
+    if abs(change) > TAIL_SPREAD:
         return (
             f"the elevator turns {1.0 + change:.2f} times as far as its log says (are "
             "the 'units' of its angles and rates right in the MAP of the import?)"
@@ -72,7 +85,7 @@ def find_doubt(task: Task, model: FitResult) -> str | None:
 def too_few_fly(flights: FlightNames) -> str | None:
     """Finds that flights on which every model diverges are no exceptions, or None."""
     count = len(flights.diverged)
-    if count * constants.PER_OUTLIER <= len(flights.held_out):
+    if count * PER_OUTLIER <= len(flights.held_out):
         return None
     return (
         f"every model diverges on {count} of {len(flights.held_out)} held-out flights"
@@ -87,9 +100,10 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
         for name, words in _BOUNDED.items()
         if scales[name] > _AT_CEILING * getattr(CEILING, name)
     ]
+    # Pitch accelerations where the pitch was measured.
     turning = [r.acceleration[r.seen[:, 2], 2] for r in task.records]
     usual = float(np.sqrt(np.mean(np.concatenate(turning) ** 2)))
-    if scales["moment"] > constants.MOMENT_SHARE * usual:
+    if scales["moment"] > MOMENT_SHARE * usual:
         found.append(
             f"unmodelled pitch accelerations of {scales['moment']:.2g} rad/s² "
             f"(measured ones are {usual:.2g})"
@@ -98,7 +112,7 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
     if found:
         return f"the model needs {' and '.join(found)}"
     gain, error = _elevator_gain(task, model)
-    if abs(gain - 1.0) > max(constants.GAIN_ERROR, constants.Z * error):
+    if abs(gain - 1.0) > max(GAIN_ERROR, Z * error):
         return (
             f"the elevator moves {gain:.3f} times as far as commanded (± {error:.1g}), "
             "as with a wrong clock or unit"
@@ -110,34 +124,49 @@ def _left_to_chance(task: Task, model: FitResult) -> str | None:
 def _elevator_gain(task: Task, model: FitResult) -> tuple[float, float]:
     """Ratio of measured to modelled elevator travel, and its standard error.
 
-    The median over flights of regressions of travel on travel, where the elevator has
-    turned one way for as long before: what a play loses at a reversal counts not. It is
-    1 and infinity where there is no servo, or another than the model's is known.
+    The median over flights of regressions of travel on travel. It is 1 and infinity
+    where there is no servo, or another than the model's is known.
     """
-    found = []
-    for record in task.records:
-        if not record.has_servo or record.departure_is_named:
-            continue
-        rows = np.flatnonzero(record.seen[:, 3])
-        if len(rows) < 2:
-            continue
-        time = record.time[rows]
-        modelled = (signals(record, model.theta).logged - record.departure)[rows]
-        ends = np.searchsorted(time, time + constants.MOMENT_TIME)
-        begins = np.searchsorted(time, time - constants.MOMENT_TIME)
-        turns = np.append(0, np.cumsum(np.diff(np.sign(np.gradient(modelled))) != 0.0))
-        last = np.minimum(ends, len(time) - 1)
-        first = np.flatnonzero((ends < len(time)) & (turns[last] == turns[begins]))
-        both = record.elevator[rows], modelled
-        travel, ordered = (v[ends[first]] - v[first] for v in both)
-        if (known := float(ordered @ ordered)) > 0.0:
-            found.append(float(ordered @ travel) / known)
-
+    gains = [
+        _gain_of_flight(record, model.theta)
+        for record in task.records
+        if record.has_servo and not record.departure_is_named
+    ]
+    found = [gain for gain in gains if gain is not None]
     if len(found) < 3:
         return 1.0, np.inf
     median = float(np.median(found))
     error = 1.2533 * float(robust_std(np.array(found) - median))  # Of a median: √(π/2).
     return median, error / np.sqrt(len(found))
+
+
+def _gain_of_flight(record: Record, theta: np.ndarray) -> float | None:
+    """Ratio of measured to modelled elevator travel in one flight; None if it is still.
+
+    Travel is that within `MOMENT_TIME` from a row on, where the elevator has turned one
+    way for as long before: what a play loses at a reversal counts not.
+    """
+    rows = np.flatnonzero(record.seen[:, 3])
+    if len(rows) < 2:
+        return None
+
+    time = record.time[rows]
+    measured = record.elevator[rows]
+    modelled = (signals(record, theta).logged - record.departure)[rows]
+
+    reverses = np.diff(np.sign(np.gradient(modelled))) != 0.0
+    reversals = np.append(0, np.cumsum(reverses))
+    begins = np.searchsorted(time, time - MOMENT_TIME)
+    ends = np.searchsorted(time, time + MOMENT_TIME)
+    last = np.minimum(ends, len(time) - 1)
+    # No reversal from a `MOMENT_TIME` before the travel to its end.
+    turns_one_way = reversals[last] == reversals[begins]
+    first = np.flatnonzero((ends < len(time)) & turns_one_way)
+
+    travel = measured[ends[first]] - measured[first]
+    ordered = modelled[ends[first]] - modelled[first]
+    square = float(ordered @ ordered)
+    return float(ordered @ travel) / square if square > 0.0 else None
 
 
 _AllErrors = dict[str, Errors | None]
@@ -154,9 +183,21 @@ def judge(
 ) -> tuple[str, str]:
     """Returns the verdict and the sentence that says why.
 
-    `gains` are those of the correction over each other model, see `folds.hold_out`.
+    Args:
+        traced: outcome of the search.
+        gains: of the correction over each other model, see `folds.hold_out`.
+        errors: of each model on held-out flights; None for one that there is not.
+        effects: that are reported.
+        left: error of the correction on held-out flights.
+        spreads: flight-to-flight variations that are reported.
+        doubt: why the model cannot be trusted, a clause, or None.
     """
-    untrusted = _why_untrusted(traced, gains, errors, doubt)
+    untrusted = None
+    if doubt is not None:
+        untrusted = f"Too much is left to chance: {doubt}."
+    elif traced.model.kinds:  # Else signs alone were put right, for all models.
+        untrusted = _not_better(traced.model, gains, errors)
+
     if traced.bank is not None:
         about = _about_roll(traced)
         if not any(e.kind in traced.model.kinds for e in effects):
@@ -209,11 +250,12 @@ def judge(
 
 def _nothing_beyond(spreads: Mapping[str, Spread]) -> str:
     """Returns the sentence on flights without an effect, which may vary."""
-    varying = [
-        f"a flight-to-flight variation of {kind} ({spread.std:.2g} {spread.unit})"
-        for kind, spread in spreads.items()
-    ]
-    *first, last = ["noise", "moving air", *varying]
+    causes = ["noise", "moving air"]
+    for kind, spread in spreads.items():
+        size = f"{spread.std:.2g} {spread.unit}"
+        causes.append(f"a flight-to-flight variation of {kind} ({size})")
+
+    *first, last = causes
     return f"The flights show nothing beyond {', '.join(first)} and {last}."
 
 
@@ -227,32 +269,21 @@ def _about_roll(traced: SearchResult) -> str:
     )
 
 
-def _why_untrusted(
-    traced: SearchResult,
-    gains: Mapping[str, Gains],
-    errors: _AllErrors,
-    doubt: str | None,
-) -> str | None:
-    """Returns the sentence on why a model cannot be trusted, or None."""
-    if doubt is not None:
-        return f"Too much is left to chance: {doubt}."
-    if not traced.model.kinds:  # Signs alone were put right, for all models.
-        return None
-    return _not_better(traced.model, gains, errors)
-
-
 def _beyond_floor(left: Residual) -> str:
     """Clause about what a perfect model would not leave, empty if it may be chance."""
     if left.may_be_chance:
         return ""
     free = left.ratio_to_floor
     along = left.ratio_along_pitch
-    return (
+    clause = (
         f": held-out flights are off by {1e3 * left.position_m:.3g} mm (RMS), "
         f"{free:.3g} times as much as a perfect model would leave"
-        + (f" ({along:.3g} times along the measured pitch)" if along > free else "")
-        + (f", depending on {', '.join(left.depends_on)}" if left.depends_on else "")
     )
+    if along > free:
+        clause += f" ({along:.3g} times along the measured pitch)"
+    if left.depends_on:
+        clause += f", depending on {', '.join(left.depends_on)}"
+    return clause
 
 
 def _changes_baseline_alone(model: FitResult) -> bool:
@@ -263,7 +294,9 @@ def _changes_baseline_alone(model: FitResult) -> bool:
     """
     if model.functions or not model.kinds:
         return False
-    baseline = {kind.kind for kind in LIBRARY if {*kind.like} & {*PARAMETER_NAMES}}
+    baseline = {
+        kind.kind for kind in LIBRARY if not {*PARAMETER_NAMES}.isdisjoint(kind.like)
+    }
     return baseline.issuperset(model.kinds)
 
 
@@ -278,11 +311,11 @@ def _not_better(
 
     What the refitted baseline has as well need only be better than the nominal model.
     """
-    before = dict(_BEFORE)
-    over = "refitted"
+    before = [*_BEFORE]
     if "nominal" in gains and _changes_baseline_alone(model):
-        over = "nominal"
-        del before["refitted"]
+        before.remove("refitted")
+
+    over = before[0]
     gain = gains.get(over)
     if gain is not None and not gain.are_significant:
         return (
@@ -294,7 +327,7 @@ def _not_better(
     after = errors["corrected"]
     assert after is not None
     rms = after.position_rms_m
-    for name, words in before.items():
+    for name in before:
         other = errors.get(name)
         if other is None:
             continue
@@ -303,7 +336,7 @@ def _not_better(
             ratio = rms / other.position_rms_m
             if not ratio > WORSE:
                 continue
-            found = f"{ratio:.4g} times the error of the {words}"
+            found = f"{ratio:.4g} times the error of the {_BEFORE[name]}"
         return f"The correction makes held-out flights worse: flown freely {found}."
 
     return None

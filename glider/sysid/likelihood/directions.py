@@ -1,4 +1,8 @@
-"""Directions in which a model may be wrong, each a column of a flight's errors."""
+"""Directions in which a model may be wrong, each a column of a flight's errors.
+
+A column is the change of a flight's errors with one coefficient. `slopes` are the
+derivatives that a fit needs; `starts_of` are those of an effect that does not act yet.
+"""
 
 import itertools
 from collections.abc import Iterable
@@ -15,12 +19,19 @@ Shapes = tuple[tuple[int, float], ...]  # Slots of an effect's shapes, and value
 
 
 class Direction(NamedTuple):
-    """One coefficient moved, the shapes of its effect set to some start."""
+    """One coefficient moved, the shapes of its effect set to some start.
 
-    kind: str  #: Of the effect, or "parameters".
-    slot: int  #: Of the coefficient in theta.
-    size: float  #: By how much.
-    shapes: Shapes = ()  #: Starting ones; empty where the effect acts already.
+    Attributes:
+        kind: of the effect, or "parameters".
+        slot: of the coefficient in theta.
+        size: change of the coefficient, in its unit.
+        shapes: starting values; empty where the effect acts already.
+    """
+
+    kind: str
+    slot: int
+    size: float
+    shapes: Shapes = ()
 
     def base(self, theta: np.ndarray) -> np.ndarray:
         """Returns theta with the shapes set."""
@@ -56,11 +67,20 @@ def starts_of(
     An effect whose every coefficient is a shape (a lag, a delay) is tried by secants to
     its starting values, for it is not linear there.
     """
-    slots = dict(zip(space.slots_of(kind.kind), kind.coefficients, strict=True))
-    sizes = [i for i, c in slots.items() if not c.is_shape]
-    grids = [[(i, v) for v in c.grid] for i, c in slots.items() if c.is_shape]
-    if not sizes:
-        starts = itertools.chain.from_iterable(grids)
-        return [[Direction(kind.kind, i, v - float(theta[i]))] for i, v in starts]
+    sizes = []
+    grids = []  # Of each shape, its slot with each starting value.
+    slots = space.slots_of(kind.kind)
+    for slot, coefficient in zip(slots, kind.coefficients, strict=True):
+        if coefficient.is_shape:
+            grids.append([(slot, value) for value in coefficient.grid])
+        else:
+            sizes.append(slot)
 
-    return [slopes(space, sizes, shapes) for shapes in itertools.product(*grids)]
+    if sizes:
+        return [slopes(space, sizes, shapes) for shapes in itertools.product(*grids)]
+
+    secants = []
+    for slot, value in itertools.chain.from_iterable(grids):
+        change = value - float(theta[slot])
+        secants.append([Direction(kind.kind, slot, change)])
+    return secants

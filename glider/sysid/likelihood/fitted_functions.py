@@ -48,21 +48,31 @@ _LEAST_RANGE = 1e-6  # Range below which nothing can depend on a variable.
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FittedFunction:
-    """A free function as a search fits it.
+    """A free function as a search fits it: Σ_j w_j g_j(x) with w = mix · coordinates.
 
-    The weights of its Gaussians are mixtures of coordinates with a common prior spread,
-    the function's strength.
+    The coordinates have a common prior spread, the function's strength.
+
+    Attributes:
+        name: of FAMILIES.
+        effect: of FREE_FUNCTIONS, whose coefficient the function is.
+        variables: d of FLOW_VARIABLES.
+        centers: of the M Gaussians, (M, d), in the variables' units.
+        widths: of the Gaussians, (M, d), in the variables' units.
+        mix: (M, q) weights of coordinates, the most shown ones first.
+        leading: number of coordinates by which it is compared with others.
+        coordinates: (q,) zero unless it acts in a model.
+        strength: prior spread of the coordinates.
     """
 
-    name: str  #: Of FAMILIES.
-    effect: EffectKind  #: Of FREE_FUNCTIONS, whose coefficient it is.
-    variables: tuple[str, ...]  #: d of FLOW_VARIABLES.
-    centers: np.ndarray  #: (M, d)
-    widths: np.ndarray  #: (M, d)
-    mix: np.ndarray  #: (M, q) weights of coordinates, the most shown ones first.
-    leading: int  #: Number of coordinates by which it is compared with others.
-    coordinates: np.ndarray  #: (q,) zero unless it acts in a model.
-    strength: float = 1.0  #: Prior spread of the coordinates.
+    name: str
+    effect: EffectKind
+    variables: tuple[str, ...]
+    centers: np.ndarray
+    widths: np.ndarray
+    mix: np.ndarray
+    leading: int
+    coordinates: np.ndarray
+    strength: float = 1.0
 
     @property
     def count(self) -> int:
@@ -83,7 +93,7 @@ class FittedFunction:
 
     @property
     def columns(self) -> list[int]:
-        """Indices of the variables."""
+        """Indices of its variables in FLOW_VARIABLES."""
         return [FLOW_VARIABLES.index(name) for name in self.variables]
 
     def gaussians(self, values: np.ndarray) -> np.ndarray:
@@ -103,20 +113,23 @@ class FittedFunction:
 
     @property
     def data(self) -> FreeFunction:
-        """The function as a model file has it."""
+        """The function as a model file has it: equal widths are one number."""
+        widths: list[float | list[float]] = []
+        for own in self.widths.T.tolist():
+            is_common = np.ptp(own) == 0.0
+            widths.append(own[0] if is_common else own)
+
         return FreeFunction(
             kind="unexplained",
             variables=list(self.variables),
             centers=self.centers.tolist(),
-            widths=[
-                own[0] if np.ptp(own) == 0.0 else own for own in self.widths.T.tolist()
-            ],
+            widths=widths,
             weights={self.effect.kind: self.weights.tolist()},
         )
 
     @property
     def basis(self) -> tuple[object, ...]:
-        """What the Gaussians along a flight depend on, equal where they are."""
+        """Key of its Gaussians along a flight: functions with equal ones share them."""
         own = self.centers.tobytes(), self.widths.tobytes()
         return self.variables, self.is_read, *own
 
@@ -131,7 +144,10 @@ class FittedFunction:
 
 
 def functions_of(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...]:
-    """Returns the free functions of a model, each with a factor to fit."""
+    """Returns the free functions of a model file, each with one factor to fit.
+
+    The only coordinate of each is one, by which its weights in the file are multiplied.
+    """
     found = []
     for own in functions:
         centers = np.array(own.centers).reshape(-1, len(own.variables))
@@ -154,7 +170,7 @@ def functions_of(functions: Iterable[FreeFunction]) -> tuple[FittedFunction, ...
 
 
 def flown_values(records: Sequence[Record], theta: np.ndarray) -> np.ndarray:
-    """Returns FLOW_VARIABLES along all flights of a model, (n, v)."""
+    """Returns FLOW_VARIABLES at the nodes of all flights of a model, (n, v)."""
     flows = [flow_at_nodes(r, theta, true_nodes(r, theta)) for r in records]
     return np.concatenate(flows)[:, -len(FLOW_VARIABLES) :]
 
@@ -165,7 +181,10 @@ def _between(values: np.ndarray) -> np.ndarray:
 
 
 def _variables_between(values: np.ndarray) -> np.ndarray:
-    """Returns FLOW_VARIABLES at the midpoints, (K, v): angles of attack turn by ±π."""
+    """Returns FLOW_VARIABLES at the midpoints, (K, v), from those at nodes (K + 1, v).
+
+    Angles of attack are averaged across their jump at ±π.
+    """
     middle = _between(values)
     alpha = FLOW_VARIABLES.index("alpha")
     turned = _between(np.unwrap(values[:, alpha]))
@@ -176,82 +195,122 @@ def _variables_between(values: np.ndarray) -> np.ndarray:
 def values_at_nodes(
     flight: LinearFlight, theta: np.ndarray, gaussians: Gaussians
 ) -> np.ndarray:
-    """Returns FLOW_VARIABLES at the nodes of a flight of a model, (K + 1, v)."""
+    """Returns FLOW_VARIABLES at the nodes of a flight of a model, (K + 1, v).
+
+    They are those of the air that the flight is linear about, with its wind.
+    """
+    wind = flight.about.wind(flight.record)  # (K, 2) of intervals.
+    wind_at_nodes = np.vstack([wind[:1], _between(wind), wind[-1:]])
     nodes = flight.nodes.copy()
-    wind = flight.about.wind(flight.record)
-    nodes[:, 4:6] -= np.vstack([wind[:1], _between(wind), wind[-1:]])
+    nodes[:, 4:6] -= wind_at_nodes
     flow = flow_at_nodes(flight.record, theta, nodes, gaussians)
     return flow[:, -len(FLOW_VARIABLES) :]
 
 
 def make_functions(flown: np.ndarray) -> dict[str, FittedFunction]:
-    """Spreads the bases of FAMILIES over `flown_values`; a point has none."""
+    """Spreads the bases of FAMILIES over `flown_values` (n, v).
+
+    Returns:
+        the functions by name, without those of variables that do not vary.
+    """
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
-    flown = flown[:: max(1, len(flown) // 2000)]
+    few = flown[:: max(1, len(flown) // 2000)]
+    varies = high - low >= _LEAST_RANGE
     found = {}
     for name, family in FAMILIES.items():
         columns = [FLOW_VARIABLES.index(variable) for variable in family.variables]
-        range_ = np.stack([low[columns], high[columns]])
-        if np.all(np.ptp(range_, axis=0) >= _LEAST_RANGE):
-            found[name] = _make_function(name, family, range_, flown[:, columns])
+        if np.all(varies[columns]):
+            ranges = np.column_stack([low, high])[columns]
+            found[name] = _make_function(name, family, ranges, few[:, columns])
+
     return found
 
 
 def _make_function(
-    name: str, family: Family, range_: np.ndarray, flown: np.ndarray
+    name: str, family: Family, ranges: np.ndarray, flown: np.ndarray
 ) -> FittedFunction:
-    """Spreads Gaussians over the range (2, d) of values (n, d), and mixes them.
+    """Returns a function of a family that does not act yet.
 
-    Mixtures that no flight shows are left out.
+    Args:
+        name: of the family.
+        family: the link of the force chain, and the d variables.
+        ranges: least and largest values of the variables (d, 2).
+        flown: their values along flights (n, d).
     """
-    function = family.free_function
-    [value] = function.coefficients
-    of_position = function.kind in ("pose_x", "pose_z")
-    width, resolved = _OF_POSITIONS if of_position else (1.0, RESOLVED)
-    levels = _LEVELS[:1] if of_position else _LEVELS
-    own = [_grid(family.variables, range_, width, i) for i in range(len(levels))]
-    centers, widths = map(np.vstack, zip(*own, strict=True))
-    counts = [len(centers) for centers, _ in own]
-    shares = np.repeat([share for _, share in levels], counts)
+    effect = family.free_function
+    is_position = effect.kind in ("pose_x", "pose_z")
+    width, resolved = _OF_POSITIONS if is_position else (1.0, RESOLVED)
+    levels = _LEVELS[:1] if is_position else _LEVELS
+    grids = [_grid(family.variables, ranges, width, i) for i in range(len(levels))]
+    centers, widths = map(np.vstack, zip(*grids, strict=True))
+    counts = [len(centers) for centers, _ in grids]
+    spreads = np.repeat([spread for _, spread in levels], counts)
+
     shown = gaussian(flown, centers, widths)
     is_met = shown.max(axis=0) > _LEAST_MET
-    centers, widths, shares = centers[is_met], widths[is_met], shares[is_met]
-    shown = shown[:, is_met]
-    basis = np.diag(shares)
-    if function.kind in _ABOUT_MEAN:
-        mean = shown.mean(axis=0, keepdims=True) @ basis
-        basis = basis @ scipy.linalg.null_space(mean)
-
-    # Mixtures by what they show along flights, the most shown ones first.
-    squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
-    spreads = np.sqrt(np.maximum(squares[::-1], 0.0))
-    basis = basis @ axes[:, ::-1][:, : np.count_nonzero(spreads > resolved)]
+    about_mean = effect.kind in _ABOUT_MEAN
+    basis, sizes = _mix(shown[:, is_met], spreads[is_met], about_mean, resolved)
+    [value] = effect.coefficients
     return FittedFunction(
         name=name,
-        effect=function,
+        effect=effect,
         variables=family.variables,
-        centers=centers,
-        widths=widths,
+        centers=centers[is_met],
+        widths=widths[is_met],
         mix=value.scale * basis,
-        leading=int(np.count_nonzero(spreads > LEADING)),
-        coordinates=np.zeros(basis.shape[1]),
+        leading=int(np.count_nonzero(sizes > LEADING)),
+        coordinates=np.zeros(len(sizes)),
     )
 
 
-def _grid(
-    variables: Sequence[str], range_: np.ndarray, width: float, level: int
+def _mix(
+    shown: np.ndarray, spreads: np.ndarray, about_mean: bool, least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns centers and widths (M, d) of a level, of `width` distances of centers.
+    """Mixes Gaussians by what they show along flights, the most shown mixtures first.
+
+    Args:
+        shown: the Gaussians along flights (n, M).
+        spreads: prior spreads of their weights (M,).
+        about_mean: whether no mixture has a mean along the flights.
+        least: RMS along the flights below which mixtures are left out.
+
+    Returns:
+        weights of the q mixtures (M, q), uncorrelated along the flights, and the RMS of
+        each along them (q,).
+    """
+    basis = np.diag(spreads)
+    if about_mean:
+        mean = shown.mean(axis=0, keepdims=True) @ basis
+        basis = basis @ scipy.linalg.null_space(mean)
+
+    squares, axes = np.linalg.eigh(basis.T @ (shown.T @ shown) @ basis / len(shown))
+    sizes = np.sqrt(np.maximum(squares[::-1], 0.0))
+    count = np.count_nonzero(sizes > least)
+    return basis @ axes[:, ::-1][:, :count], sizes[:count]
+
+
+def _grid(
+    variables: Sequence[str], ranges: np.ndarray, width: float, level: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns centers and widths (M, d) of one level of Gaussians.
 
     They go a width beyond the range: where the last Gaussian stands at the edge, what
     grows towards it takes large weights that nearly cancel, and a lens of 68 mm (RMS)
     is missed by 1 mm instead of 0.06.
+
+    Args:
+        variables: d of FLOW_VARIABLES.
+        ranges: their least and largest values (d, 2).
+        width: of the Gaussians, in distances of centers.
+        level: index into `_LEVELS`.
     """
     is_pair = len(variables) == 2
     beyond = math.ceil(width)
     axes = []
-    for variable, low, high in zip(variables, *range_, strict=True):
-        count = _PAIR_COUNTS.get(variable, 5) if is_pair else _LEVELS[level][0]
+    for variable, (low, high) in zip(variables, ranges, strict=True):
+        count, _ = _LEVELS[level]
+        if is_pair:
+            count = _PAIR_COUNTS.get(variable, 5)
         if variable in _WIDEST:
             widest = (1 + is_pair) * _WIDEST[variable][level]
             count = max(3, 1 + math.ceil((high - low) / widest))
@@ -259,7 +318,7 @@ def _grid(
         apart = (high - low) / (count - 1)
         axes.append(low + apart * np.arange(-beyond, count + beyond))
 
-    centers = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    centers = centers.reshape(-1, len(axes))
+    grids = np.meshgrid(*axes, indexing="ij")
+    centers = np.stack(grids, axis=-1).reshape(-1, len(axes))
     widths = width * np.array([axis[1] - axis[0] for axis in axes])
     return centers, np.tile(widths, (len(centers), 1))

@@ -35,9 +35,13 @@ _LEAST_SQUARE = 1e-6  # Mean square that is rounding, as of logs without noise.
 
 
 def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
-    """Returns the outliers and their mean square over the median.
+    """Finds flights whose remaining error no model explains with that of the others.
 
-    Logarithms are compared, since an error common to all flights scales the squares.
+    Logarithms of mean squares are compared, since an error common to all flights scales
+    the squares.
+
+    Returns:
+        names of the outliers, and their mean square over the median.
     """
     if len(task.records) < PER_OUTLIER:
         return {}
@@ -51,27 +55,35 @@ def find_outlying(task: Task, noise: Noise) -> dict[str, float]:
 
 
 def _mean_squares(task: Task, noise: Noise) -> np.ndarray:
-    """Returns the mean square of each flight's remaining error (flights,)."""
+    """Returns the mean square of each flight's remaining error (flights,).
+
+    That is the error with all effects acting at once, whitened by `COARSE_SCALES`.
+    """
     model = start_of(task, noise)
+    # Each flight's information on the m coefficients, (m + 1, m + 1).
     candidates, grams = gather_in_parts(task, model, COARSE_SCALES)
     counts = np.array([np.sum(record.seen) for record in task.records])
     prior = model_fit.prior_of(task, model, candidates.slots)
-    # The larger its error, the less a flight counts.
+
     weights = np.ones(len(grams))
     for _ in range(_ROUNDS):
         total = prior.added_to(np.tensordot(weights, grams, 1))
-        left = np.append(-solve(total), 1.0)
+        change = solve(total)
+        left = np.append(-change, 1.0)
         squares = np.einsum("i,fij,j->f", left, grams, left) / counts
         squares = np.maximum(squares, _LEAST_SQUARE)
-        weights = 1.0 / np.maximum(squares / np.median(squares), 1.0)
+        # The larger its error, the less a flight counts (Huber's weights).
+        ratios = squares / np.median(squares)
+        weights = 1.0 / np.maximum(ratios, 1.0)
 
     return squares
 
 
 def _deviations(values: np.ndarray, least: float) -> np.ndarray:
-    """Returns how many standard deviations, at least some, values are off the median.
+    """Returns by how many standard deviations values (n,) differ from their median.
 
-    Of few values the standard deviation is uncertain, and counts as a larger one.
+    The standard deviation counts as `least` if it is smaller. That of few values is
+    uncertain, and counts as a larger one.
     """
     apart = values - np.median(values)
     std = max(float(robust_std(apart)), least)
@@ -79,21 +91,24 @@ def _deviations(values: np.ndarray, least: float) -> np.ndarray:
 
 
 def find_extreme(task: Task, model: FitResult) -> dict[str, str]:
-    """Returns flights of extreme wind, trim or pitch offset, and the reasons.
+    """Returns names of flights of extreme wind, trim or pitch offset, and the reasons.
 
     A flight's constants may absorb that it has another unit or glider; the variation
     then grows to include it and hides the effects of all others.
     """
     if not task.vehicle.knows_forces:
         return {}
-    own = flight_values(model_fit.error_flights(task, model), model.scales)
+    flights = model_fit.error_flights(task, model)
+    columns = iter(flight_values(flights, model.scales).T)
     found: dict[str, str] = {}
-    kinds = task.space.kinds
-    of_columns = ((kind, c) for kind in PER_FLIGHT for c in kinds[kind].coefficients)
-    for (kind, coefficient), values in zip(of_columns, own.T, strict=True):
-        apart = _deviations(values, LEAST_SPREAD * coefficient.scale)
-        for i in np.flatnonzero(np.abs(apart) > Z).tolist():
-            words = f"no other flight needs {kind} as of {values[i]:.2g}"
-            found.setdefault(task.records[i].name, f"{words} {coefficient.unit}")
+    for kind in PER_FLIGHT:
+        for coefficient in task.space.kinds[kind].coefficients:
+            values = next(columns)
+            apart = _deviations(values, LEAST_SPREAD * coefficient.scale)
+            for i in np.flatnonzero(np.abs(apart) > Z).tolist():
+                value = f"{values[i]:.2g} {coefficient.unit}"
+                reason = f"no other flight needs {kind} as of {value}"
+                found.setdefault(task.records[i].name, reason)
 
-    return found if PER_OUTLIER * len(found) <= len(task.records) else {}
+    are_too_many = PER_OUTLIER * len(found) > len(task.records)
+    return {} if are_too_many else found

@@ -1,4 +1,9 @@
-"""The task of a fit, flights and the effects to try, and a model that is fitted."""
+"""The task of a fit, flights and the effects to try, and a model that is fitted.
+
+A `Task` says what may be fitted, with priors and bounds; a `FitResult` is one model of
+it, fitted or about to be. Both hold the numbers of a glider as a vector theta, whose
+slots `ParameterSpace` names. Free functions have their coordinates beside it.
+"""
 
 import dataclasses
 import functools
@@ -26,12 +31,19 @@ from glider.sysid.replay.vehicle import Vehicle
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Task:
-    """Flights and a model to fit to them."""
+    """Flights and what to try on them.
 
-    records: Sequence[Record]  #: The flights.
-    vehicle: Vehicle  #: What is known of the glider.
-    kinds: tuple[str, ...]  #: Effects to try.
-    functions: Mapping[str, FittedFunction]  #: Free functions to try, by name.
+    Attributes:
+        records: the flights.
+        vehicle: what is known of the glider.
+        kinds: effects to try.
+        functions: free functions to try, by name.
+    """
+
+    records: Sequence[Record]
+    vehicle: Vehicle
+    kinds: tuple[str, ...]
+    functions: Mapping[str, FittedFunction]
 
     @property
     def space(self) -> ParameterSpace:
@@ -44,44 +56,60 @@ class Task:
         return {*self.kinds, *self.functions}
 
     def free(self, kinds: Sequence[str]) -> tuple[int, ...]:
-        """Returns the indices into theta to fit for a set of kinds, sorted."""
+        """Returns the slots of theta to fit for a set of kinds, sorted.
+
+        An unknown parameter of the vehicle stands for the first coefficient of an
+        effect that is like it.
+        """
         space = self.space
-        unknown = {space.names[i] for i in self.vehicle.nuisance}
-        slots = {*self.vehicle.nuisance}
+        nuisance = self.vehicle.nuisance
+        unknown = {space.names[slot] for slot in nuisance}
+        found = {*nuisance}
         for kind in kinds:
-            own = space.slots_of(kind)
-            is_unknown = own and not unknown.isdisjoint(space.kinds[kind].like)
-            slots.update(own[1:] if is_unknown else own)
-        return tuple(sorted(slots))
+            slots = space.slots_of(kind)  # None of a free function.
+            if slots and not unknown.isdisjoint(space.kinds[kind].like):
+                slots = slots[1:]
+            found.update(slots)
+
+        return tuple(sorted(found))
 
     def priors(
         self, slots: Sequence[int], theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Returns prior means and precisions of slots; shapes are where they are."""
-        vehicle = self.vehicle
-        scale = PRIOR_SCALES * self.space.scale
-        means = [
-            theta[i] if i in self.space.shapes else vehicle.theta[i] for i in slots
-        ]
-        spreads = [vehicle.nuisance.get(i, scale[i]) for i in slots]
-        return np.array(means), np.array(spreads) ** -2.0
+        """Returns the prior means (m,) and precisions (m,) of slots of theta.
+
+        A shape has its prior mean where it is.
+        """
+        nuisance = self.vehicle.nuisance
+        shapes = [*self.space.shapes]
+        means = self.vehicle.theta.copy()
+        means[shapes] = theta[shapes]
+        spreads = PRIOR_SCALES * self.space.scale
+        spreads[[*nuisance]] = [*nuisance.values()]
+        chosen = [*slots]
+        return means[chosen], spreads[chosen] ** -2.0
 
     def bounds(self, slots: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the least and the largest values of slots that are possible."""
-        slots = list(slots)
-        of_log = self.vehicle.of_log
+        """Returns the least and the largest possible values (m,) of slots of theta.
+
+        Offsets of the log's clocks stay within their confidence band.
+        """
+        log_errors = self.vehicle.of_log
         lower = self.space.lower.copy()
         upper = self.space.upper.copy()
         poses, commands, *_ = self.space.slots_of(SERVO_LOG.kind)
-        for slot in of_log.keys() & {poses, commands}:
-            upper[slot] = min(ndtri(0.5 + 0.5 * LEVEL) * of_log[slot], upper[slot])
+        for slot in log_errors.keys() & {poses, commands}:
+            band = ndtri(0.5 + 0.5 * LEVEL) * log_errors[slot]
+            upper[slot] = min(band, upper[slot])
             lower[slot] = -upper[slot]
 
-        if commands in of_log:  # Samples as far apart smooth an elevator like a lag.
+        # Samples as far apart as the clock's error smooth an elevator like a lag.
+        if commands in log_errors:
             [lag] = self.space.slots_of(SERVO_LAG.kind)
             lower[lag] = min(upper[commands], CLOCK_ERROR)
 
-        return lower[slots], upper[slots]
+        chosen = [*slots]
+        return lower[chosen], upper[chosen]
 
     def on(self, records: Sequence[Record]) -> "Task":
         """Returns the same task on other flights."""
@@ -112,21 +140,30 @@ def make_task(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FitResult:
-    """A model with everything about it fitted."""
+    """A model with everything about it fitted.
 
-    kinds: tuple[str, ...]  #: That act.
-    theta: np.ndarray  #: Its parameters and coefficients.
-    free: tuple[int, ...]  #: Slots of theta that are fitted.
-    #: Free functions that act: those of `kinds`, and in a forecast the given ones.
+    Attributes:
+        kinds: effects and free functions that act.
+        theta: parameters and coefficients, a vector of the task's space.
+        free: slots of theta that are fitted.
+        functions: free functions that act: those of `kinds`, and in a forecast the
+            given ones.
+        scales: standard deviations of all noise.
+        about: name of each flight to what it is linear about.
+        has_force_errors: whether errors of the forces stand in for moving air, see
+            `linear_flight.FORCES`; `scales.air` is then of coefficients.
+        cost: negative log posterior [nats].
+        freedom: penalty for the volume of the prior that effects do not fill [nats].
+    """
+
+    kinds: tuple[str, ...]
+    theta: np.ndarray
+    free: tuple[int, ...]
     functions: tuple[FittedFunction, ...] = ()
-    scales: Scales  #: Of all noise.
-    #: Name of each flight to what it is linear about.
+    scales: Scales
     about: dict[str, Surroundings] = dataclasses.field(default_factory=dict)
-    #: Whether errors of the forces stand in for moving air, see
-    #: `linear_flight.FORCES`; `scales.air` is then of coefficients.
     has_force_errors: bool = False
-    cost: float = np.inf  #: Negative log posterior [nats].
-    #: Penalty for the volume of the prior that effects do not fill [nats].
+    cost: float = np.inf
     freedom: float = 0.0
 
     @property
@@ -146,18 +183,23 @@ class FitResult:
 
     @property
     def coordinates(self) -> np.ndarray:
-        """Of all functions, one after the other."""
-        return np.concatenate(
-            [np.zeros(0), *(own.coordinates for own in self.functions)]
-        )
+        """Coordinates of all functions, one function after the other."""
+        parts = [own.coordinates for own in self.functions]
+        return np.concatenate([np.zeros(0), *parts])
 
     def places(self, first: int | None = None) -> dict[str, range]:
-        """Returns the columns of each function; by default after those of `free`."""
-        first = len(self.free) if first is None else first
+        """Returns the columns of each function's coordinates.
+
+        Args:
+            first: column of the first coordinate; by default those of `free` precede.
+        """
+        begin = len(self.free) if first is None else first
         found = {}
         for own in self.functions:
-            found[own.name] = range(first, first + own.count)
-            first += own.count
+            end = begin + own.count
+            found[own.name] = range(begin, end)
+            begin = end
+
         return found
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
@@ -165,10 +207,15 @@ class FitResult:
         return [values[columns] for columns in self.places(0).values()]
 
     def without(self, task: Task, *gone: str) -> "FitResult":
-        """Returns the model without some of its effects."""
+        """Returns the model without some of its effects, the others unchanged.
+
+        Their coefficients in theta are those of the nominal glider.
+        """
         theta = self.theta.copy()
-        slots = [i for kind in gone for i in task.space.slots_of(kind)]
-        theta[slots] = task.vehicle.theta[slots]
+        for kind in gone:
+            slots = [*task.space.slots_of(kind)]
+            theta[slots] = task.vehicle.theta[slots]
+
         kinds = tuple(kind for kind in self.kinds if kind not in gone)
         functions = tuple(own for own in self.functions if own.name not in gone)
         return dataclasses.replace(

@@ -34,10 +34,9 @@ SERVO_LOG = EffectKind(
     kind="servo_log",
     stage="sensor",
     adds_to=("pose_x", "pose_z", "pose_pitch"),
-    coefficients=(
-        Coefficient("poses", "s", scale=0.02, lower=-0.3, upper=0.3),
-        Coefficient("commands", "s", scale=0.02, lower=-0.3, upper=0.3),
-        Coefficient("drift", "s", scale=0.02, lower=-0.3, upper=0.3),
+    coefficients=tuple(
+        Coefficient(name, "s", scale=0.02, lower=-0.3, upper=0.3)
+        for name in ("poses", "commands", "drift")
     ),
     formula=_no_change,
     words="a servo's log with other clocks",

@@ -4,10 +4,16 @@ The residual is measured minus modelled acceleration, along the wing, normal to 
 in pitch. The coefficients behind it, C_L, C_D, C_M, refer to ½ρV²S_w (the moment
 without a chord) and come with the variables that they may depend on: the article's
 data set.
+
+A model is a vector theta of a `ParameterSpace`, whose last entries replay a log:
+`signals` gives the elevator, `true_nodes` the states behind the measured ones,
+`flow_at_nodes` the flow and the modelled accelerations there, and `make_table` the
+residual of all flights.
 """
 
+import functools
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,70 +28,78 @@ from glider.sysid.replay.log_space import resting_states, sensed
 from glider.sysid.replay.record import Record
 from glider.sysid.result import ResidualTable
 
+_T = TypeVar("_T")
 _EDGE = 3  # Rows at both ends of a flight where an acceleration is not known well.
 _PERTURBATION = 1e-6  # Of where an elevator began [rad].
+_SHORTLY = 1e-4  # Time over which velocities are differenced [s].
 _REPLAYS = 8  # Replays of its elevator that are kept with a record.
 
 
 class _Signals(NamedTuple):
-    """An elevator along a log."""
+    """An elevator along a log of n rows.
 
-    elevator: np.ndarray  #: (n - 1, 3) at start, middle, end of intervals [rad].
-    rate: np.ndarray  #: (n - 1,) mean of each interval [rad/s].
-    logged: np.ndarray  #: (n,) at the times of the log's rows [rad].
+    Attributes:
+        elevator: (n - 1, 3) at start, middle and end of each interval [rad].
+        rate: (n - 1,) mean of each interval [rad/s].
+        logged: (n,) as the log shows it at its rows [rad].
+    """
+
+    elevator: np.ndarray
+    rate: np.ndarray
+    logged: np.ndarray
 
     @property
     def at_nodes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Angle and rate at the rows of the pose, (n,) each."""
+        """Angle [rad] and rate [rad/s] at the rows of the pose, (n,) each."""
         path = np.append(self.elevator[:, 0], self.elevator[-1, 2])
         return path, np.append(self.rate, self.rate[-1:])
 
 
-def signals(record: Record, theta: np.ndarray) -> _Signals:
-    """Replays a log's elevator.
-
-    With a pose latency the row of time t shows the flight at t - latency.
-    """
-    return _kept(_replayed, record, theta)
-
-
-def offset_persists(record: Record, theta: np.ndarray) -> np.ndarray:
-    """Whether a log's elevator is off by as much as where it began, (n,).
-
-    It is not after a stop, where it forgets that.
-    """
-    return _kept(_persisting, record, theta)
-
-
-def _kept(make: Callable, record: Record, theta: np.ndarray) -> Any:
+def _kept(make: Callable[[Record, np.ndarray], _T]) -> Callable[..., _T]:
     """Makes what depends on the last entries of theta, which replay a log, once."""
-    kept = record.replays
-    key = make, theta[record.space.num_flown :].tobytes()
-    if key not in kept:
-        if len(kept) >= _REPLAYS:
-            kept.clear()
-        kept[key] = make(record, theta)
-    return kept[key]
+
+    @functools.wraps(make)
+    def find(record: Record, theta: np.ndarray) -> _T:
+        kept = record.replays
+        key = make.__name__, theta[record.space.num_flown :].tobytes()
+        if key not in kept:
+            if len(kept) >= _REPLAYS:
+                kept.clear()
+            kept[key] = make(record, theta)
+
+        return kept[key]
+
+    return find
 
 
-def _replayed(record: Record, theta: np.ndarray) -> _Signals:
-    middle = 0.5 * (record.time[1:] + record.time[:-1])
-    times = np.concatenate([record.time, middle])
-    path = _path_from(record, theta, record.rest, times)
+@_kept
+def signals(record: Record, theta: np.ndarray) -> _Signals:
+    """Replays the commands of a log (n rows) by a model's servo.
+
+    With a pose latency the row of time t shows the flight at t - latency. What the
+    elevator does beside the commands, `record.departure`, is added.
+    """
+    # The flown path at the nodes and midpoints, then the logged one.
     n = len(record.time)
-    elevator = np.empty((n - 1, 3))
-    elevator[:, 0] = path[: n - 1]
-    elevator[:, 1] = path[n : len(times)]
-    elevator[:, 2] = path[1:n]
-    rate = (path[1:n] - path[: n - 1]) / np.diff(record.time)
-    return _Signals(elevator, rate, path[len(times) :])
-
-
-def _persisting(record: Record, theta: np.ndarray) -> np.ndarray:
-    usual, other = (
-        _path_from(record, theta, record.rest + change, record.time)
-        for change in (0.0, _PERTURBATION)
+    middles = 0.5 * (record.time[1:] + record.time[:-1])
+    times = np.concatenate([record.time, middles])
+    path = _path_from(record, theta, record.rest, times)
+    at_nodes, at_middles, logged = np.split(path, [n, len(times)])
+    return _Signals(
+        elevator=np.column_stack([at_nodes[:-1], at_middles, at_nodes[1:]]),
+        rate=np.diff(at_nodes) / np.diff(record.time),
+        logged=logged,
     )
+
+
+@_kept
+def offset_persists(record: Record, theta: np.ndarray) -> np.ndarray:
+    """Whether a log's elevator is off by as much as where it began, at its rows (n,).
+
+    It is not after a stop, where it forgets that: two starts are compared.
+    """
+    usual = _path_from(record, theta, record.rest, record.time)
+    other = _path_from(record, theta, record.rest + _PERTURBATION, record.time)
     is_off = other - usual > 0.5 * _PERTURBATION
     return np.logical_and.accumulate(is_off[: len(record.time)])
 
@@ -93,10 +107,11 @@ def _persisting(record: Record, theta: np.ndarray) -> np.ndarray:
 def _path_from(
     record: Record, theta: np.ndarray, start: float, times: np.ndarray
 ) -> np.ndarray:
-    """Returns an elevator's path from some start [rad]: flown, then logged.
+    """Returns an elevator's path from some start [rad].
 
-    That is at the times (m,), and as the log shows it at the rows (n,). One that is not
-    commanded stands where it began, at zero.
+    That is the path as it is flown at times (m,) [s] of the poses' clock, then as the
+    log shows it at the rows (n,). An elevator that is not commanded stands where it
+    began, at zero.
     """
     if not record.has_servo:
         return np.full(len(times) + len(record.time), start - record.rest)
@@ -115,17 +130,19 @@ def trimmed(record: Record, theta: np.ndarray, trim: float) -> tuple[np.ndarray,
     mass, are a moment first: their effect on the forces is too small to determine.
     Such a trim is one of the moment alone, that of a tail of the model's size at a
     small angle of attack, 2 S_e (l_h + l_e) / S_w per radian.
+
+    Args:
+        record: the flight.
+        theta: the model.
+        trim: of the elevator in this flight [rad].
     """
     if not record.trim_is_moment:
         return theta, trim
-    index = record.space.index
-    moved = theta.copy()
-    area, tail, hinge, offset = (
-        theta[index[name]]
-        for name in ("wing_area", "elevator_area", "hinge_offset", "elevator_offset")
-    )
+    names = "wing_area", "elevator_area", "hinge_offset", "elevator_offset"
+    wing, tail, hinge, offset = theta[record.space.places(names)]
     [slot] = record.space.slots_of(PITCH_MOMENT.kind)
-    moved[slot] -= 2.0 * tail * (hinge + offset) / area * trim  # Up lifts the nose.
+    moved = theta.copy()
+    moved[slot] -= 2.0 * tail * (hinge + offset) / wing * trim  # Up lifts the nose.
     return moved, 0.0
 
 
@@ -137,9 +154,16 @@ def true_nodes(
 ) -> np.ndarray:
     """Returns the smoothed states as a model sees them, (n, num_states).
 
-    The model's sensor effects are undone. The effects' states follow from their
-    equations along the flight, at rest where it begins; those that move nothing are
-    zero unless they are asked for.
+    The model's sensor effects are undone. The elevator's state is its offset from the
+    replayed path: the mean of the measured one. The effects' states follow from their
+    equations along the flight, at rest where it begins.
+
+    Args:
+        record: the flight.
+        theta: the model.
+        gaussians: its free functions.
+        with_states: whether to fly effects' states that move nothing, too; else they
+            are zero.
     """
     nodes = _without_sensors(record, theta, gaussians)
     elevator, rate, logged = signals(record, theta)
@@ -147,13 +171,14 @@ def true_nodes(
     shown = record.seen[:, 3] & persists
     if shown.any():  # Else the offset is unknown.
         nodes[persists, OFFSET] = np.mean((record.elevator - logged)[shown])
+
     if not with_states and record.space.acting_states(theta)[-1] < NUM_STATES:
         return nodes
+
     along = compiled.log_path(record.time, elevator, rate)
     begin = nodes.copy()
     begin[0, NUM_STATES:] = states_at_rest(record, theta, nodes[0])
-    kinds = record.space.flown
-    return compiled.with_extras(kinds, along, begin, theta, gaussians)
+    return compiled.with_extras(record.space.flown, along, begin, theta, gaussians)
 
 
 def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.ndarray:
@@ -165,7 +190,7 @@ def states_at_rest(record: Record, theta: np.ndarray, first: np.ndarray) -> np.n
 
 
 def reads_truly(space: ParameterSpace, theta: np.ndarray, gaussians: Gaussians) -> bool:
-    """Whether a model's sensors show the pose as it is."""
+    """Whether a model's sensors show the pose as it is: without effects on them."""
     is_read = gaussians.weights.shape[1] > gaussians.num_flown
     return not is_read and not np.any(theta[list(space.sensor_slots)])
 
@@ -173,14 +198,20 @@ def reads_truly(space: ParameterSpace, theta: np.ndarray, gaussians: Gaussians) 
 def _without_sensors(
     record: Record, theta: np.ndarray, gaussians: Gaussians
 ) -> np.ndarray:
-    """Undoes the sensor effects, also of the nodes a short time later."""
+    """Returns the states (n, num_states) whose poses the sensors show as measured.
+
+    Solved by fixed-point iteration, also at the nodes a short time later: the
+    difference of the two poses is the velocity.
+    """
     space = record.space
-    n = len(record.time)
-    step = 1e-4
     if reads_truly(space, theta, gaussians):
         return record.nodes.copy()
+
+    n = len(record.time)
     states = np.tile(record.nodes, (2, 1))
-    states[n:, :3] += step * states[n:, 4:7]
+    now = states[:n]
+    later = states[n:]
+    later[:, :3] += _SHORTLY * later[:, 4:7]
     shown = states[:, :3].copy()
     for _ in range(6):
         missed = shown - sensed(space, states, theta, gaussians)
@@ -188,10 +219,8 @@ def _without_sensors(
         if np.abs(missed).max() < 1e-14:  # Most effects are gone at once.
             break
 
-    nodes = states[:n]
-    later = states[n:]
-    nodes[:, 4:7] = (later[:, :3] - nodes[:, :3]) / step
-    return nodes
+    now[:, 4:7] = (later[:, :3] - now[:, :3]) / _SHORTLY
+    return now
 
 
 def flow_at_nodes(
@@ -200,13 +229,66 @@ def flow_at_nodes(
     nodes: np.ndarray,
     gaussians: Gaussians = NO_GAUSSIANS,
 ) -> np.ndarray:
-    """Returns the flow (n, 5 + v) in still air at a flight's states (n, num_states).
+    """Returns the flow in still air at the states of a flight.
 
-    Its columns are those of `compiled.replay.log_flow`, FLOW_VARIABLES last.
+    Args:
+        record: the flight.
+        theta: the model.
+        nodes: its states (n, num_states), as of `true_nodes`.
+        gaussians: its free functions.
+
+    Returns:
+        an array (n, 5 + v): modelled accelerations ẍ, z̈ [m/s²] and θ̈ [rad/s²], velocity
+        through the air, (x, z) in the world [m/s], and FLOW_VARIABLES.
     """
     kinds = record.space.flown
     at_nodes = signals(record, theta).at_nodes
     return compiled.flow_at(kinds, record.time, nodes, *at_nodes, theta, gaussians)
+
+
+def _rows_of(
+    record: Record, theta: np.ndarray, trim: float, gaussians: Gaussians
+) -> list[np.ndarray]:
+    """Collects a flight's rows, but those near its ends, with an elevator trim [rad].
+
+    Returns:
+        pitch (n,) [rad], flow (n, 5 + v), see `flow_at_nodes`, angle of attack without
+        jumps (n,) [rad], its rate (n,) [rad/s], and measured ẍ, z̈ [m/s²], θ̈ [rad/s²]
+        with their standard errors (n, 3).
+    """
+    moved, shift = trimmed(record, theta, trim)
+    nodes = true_nodes(record, moved, gaussians)
+    nodes[:, OFFSET] = shift  # Else the elevator follows its commands.
+    flow = flow_at_nodes(record, moved, nodes, gaussians)
+    alpha = np.unwrap(flow[:, 5 + FLOW_VARIABLES.index("alpha")])
+    alphadot = np.gradient(alpha, record.time)
+    motion = nodes[:, 2], flow, alpha, alphadot
+    measured = record.acceleration, record.acceleration_std
+    return [values[_EDGE:-_EDGE] for values in (*motion, *measured)]
+
+
+def _coefficients_of(
+    acceleration: np.ndarray, flow: np.ndarray, space: ParameterSpace, theta: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Returns C_L, C_D and C_M, (n,) each, behind accelerations (n, 3).
+
+    With the velocity v through the air (of `flow`, see `flow_at_nodes`), the force
+    f = m (a + g ẑ) and the pressure force q S = ½ ρ V² S_w they are
+    C_L = (f × v)_y / (q S V), C_D = -(f · v) / (q S V) and C_M = I θ̈ / (q S).
+    """
+    names = "mass", "wing_area", "pitch_inertia", "air_density", "gravity"
+    mass, area, inertia, density, gravity = theta[space.places(names)]
+    speed = flow[:, 5 + FLOW_VARIABLES.index("V")]
+    air_x, air_z = flow[:, 3:5].T
+    x, z, angular = acceleration.T
+    z = z + gravity
+
+    pressure_force = 0.5 * density * speed**2 * area
+    per_velocity = pressure_force * speed / mass
+    lift = (z * air_x - x * air_z) / per_velocity
+    drag = -(x * air_x + z * air_z) / per_velocity
+    moment = inertia * angular / pressure_force
+    return dict(zip(COEFFICIENTS, (lift, drag, moment), strict=True))
 
 
 def make_table(
@@ -215,53 +297,40 @@ def make_table(
     trims: Sequence[float],
     gaussians: Gaussians = NO_GAUSSIANS,
 ) -> ResidualTable:
-    """Stacks the residual of flights, each with its elevator trim [rad]."""
-    flights = []
-    for record, trim in zip(records, trims, strict=True):
-        moved, shift = trimmed(record, theta, trim)
-        nodes = true_nodes(record, moved, gaussians)
-        nodes[:, OFFSET] = shift
-        flow = flow_at_nodes(record, moved, nodes, gaussians)
-        alpha = np.unwrap(flow[:, 5 + FLOW_VARIABLES.index("alpha")])
-        turning = np.gradient(alpha, record.time)
-        own = nodes[:, 2], flow, alpha, turning
-        accelerations = record.acceleration, record.acceleration_std
-        flights.append([values[_EDGE:-_EDGE] for values in (*own, *accelerations)])
+    """Stacks the residual of flights.
 
+    Args:
+        records: the flights.
+        theta: the model.
+        trims: of each flight's elevator [rad].
+        gaussians: the model's free functions.
+    """
+    flights = [
+        _rows_of(record, theta, trim, gaussians)
+        for record, trim in zip(records, trims, strict=True)
+    ]
     stacked = map(np.concatenate, zip(*flights, strict=True))
-    pitch, flow, alpha, turning, measured, std = stacked
-    modelled, (air_x, air_z), variables = flow[:, :3], flow[:, 3:5].T, flow[:, 5:].T
-    of_flow = dict(zip(FLOW_VARIABLES, variables, strict=True))
-    mass, area, inertia, density, gravity = (
-        theta[records[0].space.index[name]]
-        for name in ("mass", "wing_area", "pitch_inertia", "air_density", "gravity")
-    )
-    pressure = 0.5 * density * of_flow["V"] ** 2 * area
+    pitch, flow, alpha, alphadot, measured, std = stacked
+    modelled = flow[:, :3]
+    x, z, angular = (measured - modelled).T
+    std_x, std_z, std_angular = std.T
+
+    # Components along the measured wing and normal to it.
     sine = np.sin(pitch)
     cosine = np.cos(pitch)
-
-    def coefficients(accelerations: np.ndarray) -> dict[str, np.ndarray]:
-        x, z, angular = accelerations.T
-        along = pressure * of_flow["V"] / mass
-        z = z + gravity
-        lift = (z * air_x - x * air_z) / along
-        drag = -(x * air_x + z * air_z) / along
-        moment = inertia * angular / pressure
-        return dict(zip(COEFFICIENTS, (lift, drag, moment), strict=True))
-
-    (x, z, angular), (std_x, std_z, std_angular) = (measured - modelled).T, std.T
     along = x * cosine - z * sine
     normal = x * sine + z * cosine
-    noise = (
-        np.hypot(std_x * cosine, std_z * sine),
-        np.hypot(std_x * sine, std_z * cosine),
-    )
+    std_along = np.hypot(std_x * cosine, std_z * sine)
+    std_normal = np.hypot(std_x * sine, std_z * cosine)
+
+    variables = dict(zip(FLOW_VARIABLES, flow[:, 5:].T, strict=True))
+    space = records[0].space
     return ResidualTable(
-        variables={**of_flow, "alpha": alpha, "alphadot": turning},
+        variables={**variables, "alpha": alpha, "alphadot": alphadot},
         residual=np.column_stack([along, normal, angular]),
-        coefficients=coefficients(measured),
-        modelled=coefficients(modelled),
+        coefficients=_coefficients_of(measured, flow, space, theta),
+        modelled=_coefficients_of(modelled, flow, space, theta),
         flight=np.repeat(np.arange(len(flights)), [len(own[0]) for own in flights]),
         names=tuple(record.name for record in records),
-        noise=np.column_stack([*noise, std_angular]),
+        noise=np.column_stack([std_along, std_normal, std_angular]),
     )

@@ -37,20 +37,34 @@ _WING_SPREAD = 0.03  # Of the distance of a wing from the center of mass [m].
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Vehicle:
-    """A campaign's vehicle as the fits see it."""
+    """A campaign's vehicle as the fits see it.
 
-    space: ParameterSpace  #: Of theta.
-    parameters: GliderParameters  #: The nominal glider, unknown ones at a start value.
-    theta: np.ndarray  #: The same as a vector of the space, without effects.
-    #: Slots of theta that are unknown, fitted with all else, and their prior spread.
+    Attributes:
+        space: of theta.
+        parameters: the nominal glider, unknown ones at a start value.
+        theta: the same as a vector of the space, without effects.
+        nuisance: slots of theta that are unknown, fitted with all else, and their prior
+            spreads.
+        of_log: those of the log, and their standard errors.
+        kinds: effects that these logs could show.
+        per_flight_trims: whether the elevator stands elsewhere in each flight.
+        is_known: whether the nominal model is complete, with the elevator's angle.
+        knows_forces: whether mass and areas are known: forces can be compared.
+        notes: what was assumed, for the report.
+        is_per_mass: whether areas and inertia are per kilogram.
+    """
+
+    space: ParameterSpace
+    parameters: GliderParameters
+    theta: np.ndarray
     nuisance: Mapping[int, float]
-    of_log: Mapping[int, float]  #: Those of the log, and their standard errors.
-    kinds: tuple[str, ...]  #: Effects that these logs could show.
-    per_flight_trims: bool  #: Whether the elevator stands elsewhere in each flight.
-    is_known: bool  #: Whether the nominal model is complete, with the elevator's angle.
-    knows_forces: bool  #: Whether mass and areas are known: forces can be compared.
-    notes: tuple[str, ...]  #: What was assumed, for the report.
-    is_per_mass: bool  #: Whether areas and inertia are per kilogram.
+    of_log: Mapping[int, float]
+    kinds: tuple[str, ...]
+    per_flight_trims: bool
+    is_known: bool
+    knows_forces: bool
+    notes: tuple[str, ...]
+    is_per_mass: bool
 
     @property
     def unknown(self) -> list[int]:
@@ -65,13 +79,18 @@ class Vehicle:
 
 
 def make_vehicle(campaign: Campaign, space: ParameterSpace = LIBRARY_SPACE) -> Vehicle:
-    """Sorts a campaign's vehicle into known and unknown."""
+    """Sorts a campaign's vehicle into known and unknown.
+
+    Args:
+        campaign: what it specifies and logs.
+        space: of the models to fit.
+    """
     known = campaign.vehicle.keys()
-    elevator = campaign.elevator
     is_per_mass = known.isdisjoint(("mass", *_PER_MASS))
     unknown = [name for name in _BASELINE_PARAMETERS if name not in known]
     if "mass" not in known and not is_per_mass:
         unknown.append("mass")
+
     servo = campaign.servo
     log_spreads = (
         servo.clock_std,
@@ -82,6 +101,7 @@ def make_vehicle(campaign: Campaign, space: ParameterSpace = LIBRARY_SPACE) -> V
     slots = *space.slots_of(SERVO_LOG.kind), *space.slots_of(ELEVATOR_SCALE.kind)
     pairs = zip(slots, log_spreads, strict=True)
     of_log = {slot: spread for slot, spread in pairs if spread}
+
     facts = _facts(campaign)
     dropped, notes = _hidden(campaign, space, facts)
     dropped |= {space.owners[slot] for slot in of_log}
@@ -89,11 +109,11 @@ def make_vehicle(campaign: Campaign, space: ParameterSpace = LIBRARY_SPACE) -> V
     theta = space.pack(parameters)
     spreads = dict(of_log)
     for name in unknown:
-        i = space.index[name]
+        slot = space.index[name]
         share = constants.TAIL_SPREAD if name == "elevator_area" else 0.5
-        spreads[i] = share * float(theta[i])
-        if name == "wing_offset":
-            spreads[i] = _WING_SPREAD
+        spreads[slot] = share * float(theta[slot])
+        if name == "wing_offset":  # Its start is zero.
+            spreads[slot] = _WING_SPREAD
 
     for kind in space.kinds.values():
         if kind.unknown_without is not None:
@@ -120,8 +140,8 @@ def make_vehicle(campaign: Campaign, space: ParameterSpace = LIBRARY_SPACE) -> V
         nuisance=dict(sorted(spreads.items())),
         of_log=of_log,
         kinds=tuple(kind for kind in space.kinds if kind not in dropped),
-        per_flight_trims=elevator == "fixed_per_flight",
-        is_known="mass" in known and not unknown and elevator != "fixed",
+        per_flight_trims=campaign.elevator == "fixed_per_flight",
+        is_known="mass" in known and not unknown and campaign.elevator != "fixed",
         notes=tuple(notes),
         is_per_mass=is_per_mass,
     )
@@ -142,7 +162,7 @@ def _facts(campaign: Campaign) -> set[str]:
 def _hidden(
     campaign: Campaign, space: ParameterSpace, facts: set[str]
 ) -> tuple[set[str], list[str]]:
-    """Effects that a campaign's logs cannot show, and what to say of them."""
+    """Returns the effects that a campaign's logs cannot show, and notes about them."""
     servo = campaign.servo
     notes = []
     dropped = {SERVO_LOG.kind}
@@ -151,10 +171,10 @@ def _hidden(
             dropped.add(kind.kind)
 
     if "servo" not in facts:
-        dropped |= {kind.kind for kind in space.replayed}
+        dropped.update(kind.kind for kind in space.replayed)
     elif servo.command == "reconstructed":
         actuators = [e.kind for e in space.kinds.values() if e.stage == "actuator"]
-        dropped |= {*actuators}
+        dropped.update(actuators)
         notes.append(
             f"{', '.join(actuators)} were not tried: the commands were reconstructed "
             "from the measured elevator."
@@ -175,7 +195,8 @@ def _hidden(
 def _parameters(campaign: Campaign, is_per_mass: bool) -> GliderParameters:
     """The vehicle's parameters, those of the default glider where unknown.
 
-    The servo's limits are the campaign's alone.
+    Per mass its area and inertia are those of 1 kg. The servo's limits are the
+    campaign's alone.
     """
     assumed: dict[str, Any] = dataclasses.asdict(GliderParameters())
     if is_per_mass:

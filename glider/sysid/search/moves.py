@@ -1,7 +1,8 @@
 """Moves from one set of effects to a better one, everything refitted.
 
 A move returns a model that is worth more, or None. It proposes sets by closed forms,
-to first order about the model, and fits what it proposes.
+to first order about the model, and fits what it proposes. `Search.improved` makes moves
+until none is found.
 """
 
 import dataclasses
@@ -29,12 +30,18 @@ from glider.sysid.search.subsets import (
 
 @dataclasses.dataclass
 class Search:
-    """A search in progress; it remembers all fits."""
+    """A search in progress; it remembers all fits.
+
+    Attributes:
+        task: flights, and the effects to try.
+        progress: called with a line of text as the work goes on.
+        fitted: fitted models by their kinds.
+    """
 
     task: Task
     progress: Progress
     fitted: dict[frozenset[str], FitResult] = dataclasses.field(default_factory=dict)
-    _near: tuple[Any, ...] = (None, None, None)  #: What was compared last.
+    _near: tuple[Any, ...] = (None, None, None)  # What was compared last.
 
     def thinned(self, count: int) -> "Search":
         """Returns the search on at most `count` flights, with the fits if on all."""
@@ -56,9 +63,10 @@ class Search:
         """
         own = set(model.kinds)
         its = set(other.kinds)
-        is_simpler = own <= its
-        is_named = its - own <= FAMILIES.keys() and not (own - its) & FAMILIES.keys()
-        margin = 0.0 if is_simpler or is_named else RIVAL_GAP
+        added = own - its
+        gone = its - own
+        has_more_formulas = gone <= FAMILIES.keys() and added.isdisjoint(FAMILIES)
+        margin = 0.0 if not added or has_more_formulas else RIVAL_GAP
         return self.penalized_cost(model) < self.penalized_cost(other) - margin
 
     def fit(self, model: FitResult) -> FitResult:
@@ -84,12 +92,14 @@ class Search:
         it may have ended at a worse minimum, which the effect has only led out of.
         """
         rest = model.without(self.task, kind)
-        known = self.fitted.get(frozenset(rest.kinds))
+        key = frozenset(rest.kinds)
+        known = self.fitted.get(key)
         found = self.fit(rest)
         if found is known and found.cost < model.cost + CLEAR:
             again = fit_model(self.task, rest, with_strength=True)
             if again.cost + again.freedom < found.cost + found.freedom:
-                self.fitted[frozenset(rest.kinds)] = found = again
+                self.fitted[key] = again
+                return again
 
         return found
 
@@ -98,8 +108,19 @@ class Search:
 
         On some of many flights: what is proposed is fitted to all.
         """
-        if self._near[0] is self.task and self._near[1] is model:
-            return self._near[2]
+        task, about, score = self._near
+        if task is self.task and about is model:
+            return score
+        score = self._compare(model)
+        self._near = self.task, model, score
+        return score
+
+    def _compare(self, model: FitResult) -> Scorer | None:
+        """Returns the scorer of sets about a model, see `near`.
+
+        The noise is that with all formulas acting at once. Where the air then moves,
+        the flights are made linear again, with it.
+        """
         few = self.task.thinned(MANY_FLIGHTS)
         candidates = gather(few, model)
         about = saturated(candidates, 2 if np.isfinite(model.cost) else 3)
@@ -111,28 +132,36 @@ class Search:
             candidates = gather(few, about)
 
         gram = candidates.total(about.scales)
-        score = None
-        if np.all(np.isfinite(gram)):
-            light = dataclasses.replace(candidates, flights=())
-            score = scorer_of(light, gram[None])
-
-        self._near = self.task, model, score
-        return score
+        if not np.all(np.isfinite(gram)):
+            return None
+        light = dataclasses.replace(candidates, flights=())
+        return scorer_of(light, gram[None])
 
     def better(
         self, model: FitResult, near: Scorer, sets: Iterable[Members]
     ) -> FitResult | None:
-        """Returns the best of some sets that are worth more; or None."""
-        found = model
+        """Fits sets about a model; returns the best that is worth more, or None.
+
+        Args:
+            model: that must be bettered.
+            near: compares sets about it, see `near`.
+            sets: to fit.
+        """
+        found = None
+        cost = self.penalized_cost(model)
         for members in sets:
             other = self.fit(near.begin(members))
-            is_best = self.penalized_cost(other) < self.penalized_cost(found)
-            found = other if is_best and self.prefers(other, model) else found
+            its = self.penalized_cost(other)
+            if its < cost and self.prefers(other, model):
+                found, cost = other, its
 
-        return None if found is model else found
+        return found
 
     def improved(self, model: FitResult, by_sets_only: bool = False) -> FitResult:
-        """Returns the model that no move betters, or no best set of effects."""
+        """Returns the model that no move betters.
+
+        With `by_sets_only` the best set of effects is the only move.
+        """
         moves = {"best set": self._best}
         if not by_sets_only:
             moves["formula of a free function"] = self._renamed
@@ -160,12 +189,14 @@ class Search:
         """
         start = score.by_first(model.kinds)
         sizes = best_of_sizes(score)
-        members = climb(score, max([climb(score, start), *sizes], key=score))
-        gained = score(members) - score(start)
-        enough = score(members) - SLACK * gained
-        outstanding = next((m for m in sizes if score(m) >= enough), members)
-        found = self.better(model, score, [outstanding])
-        return found or self.better(model, score, [members])
+        found = [climb(score, start), *sizes]
+        best = climb(score, max(found, key=score))
+
+        gained = score(best) - score(start)
+        enough = score(best) - SLACK * gained
+        smallest = next((own for own in sizes if score(own) >= enough), best)
+        better = self.better(model, score, [smallest])
+        return better or self.better(model, score, [best])
 
     def _renamed(self, model: FitResult, score: Scorer) -> FitResult | None:
         """The model with formulas in the place of a free function that they explain.
@@ -182,21 +213,26 @@ class Search:
                 for members in (rest, own)
             ]
 
-            if found := self.better(model, score, options):
+            found = self.better(model, score, options)
+            if found:
                 return found
 
         return None
 
     def _with_another(self, model: FitResult, score: Scorer) -> FitResult | None:
-        """The model with an effect that first order undervalues, added or exchanged."""
-        own = score.by_first(model.kinds)
-        found: dict[str, Members] = {}
-        for other in (*score.larger(own), *score.swapped(own)):
-            [(kind, _)] = {*other} - {*own}
-            best = found.get(kind, other)
-            found[kind] = max(best, other, key=score)
+        """The model with an effect that first order undervalues, added or exchanged.
 
+        The few best of the sets that may be better are fitted, one for each effect.
+        """
+        own = score.by_first(model.kinds)
+        others = [*score.larger(own), *score.swapped(own)]
+        best_with: dict[str, Members] = {}  # Of the sets with each effect the best.
+        for other in others:
+            [(kind, _)] = {*other} - {*own}
+            best_with[kind] = max(best_with.get(kind, other), other, key=score)
+
+        # First order undervalues an effect by no more than CLEAR.
         least = score(own) - CLEAR
-        near = [members for members in found.values() if score(members) > least]
+        near = [members for members in best_with.values() if score(members) > least]
         few = heapq.nlargest(FOLLOWED, near, key=score)
         return self.better(model, score, few)

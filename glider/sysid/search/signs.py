@@ -31,21 +31,33 @@ def find_signs(
     beat the logged one by `CLEAR` in the median flight, with effects fitted that look
     like a wrong sign. It cannot gain more than ½ Σ e² of the logged one: a small
     residual ends the search.
+
+    Args:
+        campaign: as it was logged.
+        flights: of the campaign; the first few are compared.
+        masks: excluded rows by a flight's name.
+        vehicle: of the campaign.
+
+    Returns:
+        the signs by which the logs are turned, with their evidence [nats] and the share
+        of the squared residual that they explain; the logged ones have neither.
     """
     few = flights[:FEW_FLIGHTS]
     library = vehicle.space.kinds
     kinds = tuple(k for k in vehicle.kinds if ANGLE_SIGN.kind in library[k].like)
 
     def costs(signs: Signs) -> np.ndarray:
-        """Half the squares of the flights' errors under some signs, whitened [nats]."""
-        turned = tuple(turn(f, signs) for f in few)
-        # Its noise depends on the signs.
+        """Half the square of each flight's whitened errors under some signs [nats]."""
+        turned = tuple(turn(flight, signs) for flight in few)
+        # The noise depends on the signs, too.
         noise = measure_noise(dataclasses.replace(campaign, flights=turned), masks)
         records = prepare(turned, campaign, noise, vehicle.space, masks)
         task = Task(records=records, vehicle=vehicle, kinds=vehicle.kinds, functions={})
-        model = start_of(task, noise)
         model = dataclasses.replace(
-            model, kinds=kinds, free=task.free(kinds), scales=COARSE_SCALES
+            start_of(task, noise),
+            kinds=kinds,
+            free=task.free(kinds),
+            scales=COARSE_SCALES,
         )
         fitted = fit_model(task, model, iterations=2, free_scales=())
         return 0.5 * grams_of(error_flights(task, fitted), COARSE_SCALES).ravel()
@@ -53,19 +65,25 @@ def find_signs(
     logged = costs(Signs())
     best = Signs()
     most = CLEAR
-    if np.median(logged) < CLEAR:
+    if np.median(logged) < most:
         return best
-    angles = 3 if campaign.elevator == "servo" else 1
-    names = ("pitch", "elevator", "command")[:angles]
-    for option in itertools.product((1, -1), repeat=angles):
-        signs = Signs(**dict(zip(names, option, strict=True)))
-        gain = 0.0 if signs.are_right else float(np.median(logged - costs(signs)))
+
+    angles = ["pitch"]
+    if campaign.elevator == "servo":
+        angles += ["elevator", "command"]
+    for option in itertools.product((1, -1), repeat=len(angles)):
+        signs = Signs(**dict(zip(angles, option, strict=True)))
+        if signs.are_right:
+            continue
+        gain = float(np.median(logged - costs(signs)))
         if gain >= most:
             best = signs
             most = gain
 
     if best.are_right:
         return best
-    rows = 4 * np.mean([len(f.time) for f in few])
-    share = float(1.0 - math.exp(-2.0 * most / rows))
+
+    # A gain of n/2 ln(1 / (1 - R²)) in n numbers, four in each row, is a share of R².
+    numbers = 4 * np.mean([len(flight.time) for flight in few])
+    share = float(1.0 - math.exp(-2.0 * most / numbers))
     return dataclasses.replace(best, evidence=most * len(few), share=share)

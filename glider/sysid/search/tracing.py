@@ -50,21 +50,31 @@ _ROUNDS = 4  # Of sets and strengths of errors that depend on each other.
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """Outcome of a search."""
+    """Outcome of a search.
 
-    model: FitResult  #: With the effects that were found.
-    bare: FitResult  #: The model without any, fitted.
-    evidence: dict[str, float]  #: Kind to the evidence lost without it [nats].
-    names: dict[str, str]  #: By which effects are reported; others are not.
-    #: Models of sets that are nearly as likely, and the evidence that they lack [nats].
+    Attributes:
+        model: with the effects that were found.
+        bare: the model without any, fitted.
+        evidence: kind to the evidence lost without it [nats].
+        names: kind to the name by which it is reported; others are not.
+        rivals: models of sets that are nearly as likely, and the evidence that each
+            lacks [nats].
+        threshold: least evidence of an effect beside others [nats].
+        near: formulas that sets as good to first order have, and those found.
+        alike: kind to formulas that would do as well in its place to first order.
+        forces: the model as it was judged, along the measured attitude, if not as is.
+        bank: bank angle at the end of flights whose roll is not logged, RMS [rad].
+    """
+
+    model: FitResult
+    bare: FitResult
+    evidence: dict[str, float]
+    names: dict[str, str]
     rivals: tuple[tuple[FitResult, float], ...] = ()
-    threshold: float  #: Evidence of an effect beside others, at least [nats].
-    near: set[str]  #: Formulas that sets as good to first order have, and those found.
-    #: Of each effect, formulas that would do as well in its place to first order.
+    threshold: float
+    near: set[str]
     alike: dict[str, set[str]] = dataclasses.field(default_factory=dict)
-    #: The model as it was judged, along the measured attitude, if not as it is.
     forces: FitResult | None = None
-    #: At the end of flights whose roll is not logged, RMS over them [rad].
     bank: float | None = None
 
     @property
@@ -99,12 +109,13 @@ def trace(search: Search, noise: Noise) -> SearchResult:
     model, evidence = _needed(search, model)
     progress(Step("fitting the flat plate alone", 0.8))
     bare = search.fit(model.without(task, *model.kinds))
-    near = search.near(model)
-    own = set(model.kinds)
+
+    near = set(model.kinds)
     alike: dict[str, set[str]] = {}
-    if near is not None:
-        early = near.among(without_late(task, own).offered)
-        own, alike = near_sets(early, near.by_first(model.kinds))
+    score = search.near(model)
+    if score is not None:
+        early = score.among(without_late(task, near).offered)
+        near, alike = near_sets(early, score.by_first(model.kinds))
 
     return SearchResult(
         model=model,
@@ -113,7 +124,7 @@ def trace(search: Search, noise: Noise) -> SearchResult:
         names=_names_of(search, model, evidence),
         rivals=_rivals_of(search, model),
         threshold=threshold_of(task, "", model.kinds),
-        near=own,
+        near=near,
         alike=alike,
     )
 
@@ -133,8 +144,8 @@ def _searched(search: Search, model: FitResult) -> FitResult:
     if early is task:
         return model
     search.task = task
-    late = search.improved(model, by_sets_only=True)
-    return model if late is model else search.improved(late)
+    with_late = search.improved(model, by_sets_only=True)
+    return model if with_late is model else search.improved(with_late)
 
 
 def _rivals_of(search: Search, model: FitResult) -> tuple[tuple[FitResult, float], ...]:
@@ -144,17 +155,20 @@ def _rivals_of(search: Search, model: FitResult) -> tuple[tuple[FitResult, float
     stands for it, is fitted now if it may be nearly as likely.
     """
     own = set(model.kinds)
-    best = search.penalized_cost(model)
-    if (near := search.near(model)) is not None:
-        members = near.by_first(model.kinds)
-        offered = {k for k in near.variants if k not in FAMILIES or k in own}
-        for kind in [k for k in model.kinds if k not in FAMILIES]:
+    score = search.near(model)
+    if score is not None:
+        members = score.by_first(model.kinds)
+        offered = own | (score.variants.keys() - FAMILIES.keys())
+        for kind in model.kinds:
+            if kind in FAMILIES:
+                continue
             rest = tuple(member for member in members if member[0] != kind)
-            others = climb(near.among(offered - {kind}), rest)
-            if near(others) > near(members) - CLEAR:
-                search.fit(near.begin(others))
+            others = climb(score.among(offered - {kind}), rest)
+            if score(others) > score(members) - CLEAR:
+                search.fit(score.begin(others))
 
     found = []
+    best = search.penalized_cost(model)
     for kinds, other in search.fitted.items():
         lack = max(search.penalized_cost(other) - best, 0.0)
         if kinds != own and lack < RIVAL_GAP:
@@ -178,34 +192,41 @@ def _names_of(
     """
     if not model.free_kinds:
         return {kind: kind for kind in model.kinds}
-    flown = flown_values(search.task.records, model.theta)
-    sizes = {own.name: own.size(flown) for own in model.functions}
-    largest = max(sizes.values())
-    small = {n for n, own in sizes.items() if own < min(2.0 * RESOLVED, largest)}
-    shown = []
-    counted = [kind for kind in model.kinds if kind not in small]
-    for kind in sorted(counted, key=evidence.__getitem__, reverse=True):
-        bending = [f for f in model.free_kinds if kind in FAMILIES[f].bends]
-        least = max(
-            (EXPLAINED * evidence[function] for function in bending),
-            default=SLIGHT * sum(evidence.values()),
-        )
-
-        if evidence[kind] >= least:
-            shown.append(kind)
-
+    shown = _shown_beside_functions(search.task, model, evidence)
     names = {kind: kind for kind in shown if kind not in FAMILIES}
     slight = {*model.kinds} - FAMILIES.keys() - names.keys()
     shaped = search.fit(model.without(search.task, *slight))
     for function in shown:
-        if function not in FAMILIES:
-            continue
-        bent = FAMILIES[function].bends & names.keys()
-        formula = _explaining(search, shaped, function, may_bend=bool(bent))
-        bent_most = max(bent, key=evidence.__getitem__, default=UNEXPLAINED)
-        names[function] = formula or bent_most
+        if function in FAMILIES:
+            bent = FAMILIES[function].bends & names.keys()
+            formula = _explaining(search, shaped, function, may_bend=bool(bent))
+            bent_most = max(bent, key=evidence.__getitem__, default=UNEXPLAINED)
+            names[function] = formula or bent_most
 
     return names
+
+
+def _shown_beside_functions(
+    task: Task, model: FitResult, evidence: Mapping[str, float]
+) -> list[str]:
+    """Returns the kinds that errors of free functions do not explain, see `_names_of`.
+
+    Those of most evidence come first.
+    """
+    flown = flown_values(task.records, model.theta)
+    sizes = {own.name: own.size(flown) for own in model.functions}
+    least_size = min(2.0 * RESOLVED, max(sizes.values()))
+    shown = []
+    for kind in sorted(model.kinds, key=evidence.__getitem__, reverse=True):
+        least = SLIGHT * sum(evidence.values())
+        bending = [f for f in model.free_kinds if kind in FAMILIES[f].bends]
+        if bending:
+            least = EXPLAINED * max(evidence[function] for function in bending)
+        is_small = sizes.get(kind, least_size) < least_size
+        if not is_small and evidence[kind] >= least:
+            shown.append(kind)
+
+    return shown
 
 
 def _explaining(
@@ -223,34 +244,35 @@ def _explaining(
         start = dataclasses.replace(start, scales=model.scales)
         return fit_model(search.task, start, free_scales=(), with_strength=True)
 
-    near = search.near(model)
-    if near is None:
+    score = search.near(model)
+    if score is None:
         return None
-    others = [kind for kind in model.kinds if kind != function]
-    members = near.by_first(others)
-    rest = fit(near.begin(members))
+    others = score.by_first([kind for kind in model.kinds if kind != function])
+    without = fit(score.begin(others))
     fits = {}
     for kind in formulas_at(function):
-        options = near.among({kind}).larger(members)
-        if best := max(options, key=near.gain, default=None):
-            fits[kind] = fit(near.begin(best))
+        options = score.among({kind}).larger(others)
+        best = max(options, key=score.gain, default=None)
+        if best is not None:
+            fits[kind] = fit(score.begin(best))
 
     if not fits:
         return None
     formula = min(fits, key=lambda kind: search.penalized_cost(fits[kind]))
-    plain, named, free = (
-        own.cost + own.freedom for own in (rest, fits[formula], model)
-    )
+    named = fits[formula]
+    cost = without.cost + without.freedom
+    gain = cost - (named.cost + named.freedom)
+    of_function = cost - (model.cost + model.freedom)
     is_of_family = formula in FAMILIES[function].formulas
     share = EXPLAINED if is_of_family and not may_bend else MOSTLY
-    return formula if plain - named > share * (plain - free) else None
+    return formula if gain > share * of_function else None
 
 
 def _needed(search: Search, model: FitResult) -> tuple[FitResult, dict[str, float]]:
     """Returns a model that is worth less without any effect, and their evidence.
 
     The evidence is what is lost without an effect [nats]. Where a model without one
-    diverges it is at least as much as that of any other.
+    diverges it is as much as the most of the others.
     """
     while True:
         fewer = {kind: search.fit_without(model, kind) for kind in model.kinds}
@@ -259,8 +281,8 @@ def _needed(search: Search, model: FitResult) -> tuple[FitResult, dict[str, floa
             break
         model = search.improved(best)
 
-    own = model.cost + model.freedom
-    lost = {kind: other.cost + other.freedom - own for kind, other in fewer.items()}
+    cost = model.cost + model.freedom
+    lost = {kind: other.cost + other.freedom - cost for kind, other in fewer.items()}
     most = max(filter(np.isfinite, lost.values()), default=CLEAR)
     return model, {k: v if np.isfinite(v) else most for k, v in lost.items()}
 
@@ -272,7 +294,7 @@ def without_late(task: Task, kept: Collection[str] = ()) -> Task:
     """
     if len(task.kinds) < len(task.vehicle.kinds):
         return task
-    late = {name for name, k in task.space.kinds.items() if k.is_rare}
+    late = {name for name, kind in task.space.kinds.items() if kind.is_rare}
     return task.offering(task.offered.difference(late).union(kept))
 
 
@@ -287,46 +309,42 @@ def _trace_by_predictions(task: Task, noise: Noise, progress: Progress) -> Searc
     """
     start = start_of(task, noise)
     scales = dataclasses.replace(start.scales, **ALONG_ATTITUDE)
-    model = dataclasses.replace(start, scales=scales, has_force_errors=True)
+    forces = dataclasses.replace(start, scales=scales, has_force_errors=True)
     tried: list[frozenset[str]] = []
     for _ in range(_ROUNDS):
         progress("searching for effects along the measured attitude")
-        candidates = gather(task.offering(task.kinds), model)
-        grams = candidates.grams(model.scales)
-        score = scorer_of(candidates, grams)
+        candidates = gather(task.offering(task.kinds), forces)
+        score = scorer_of(candidates, candidates.grams(forces.scales))
         members = best_set(score)
-        model = fit_model(task, score.begin(members), free_scales=())
+        forces = fit_model(task, score.begin(members), free_scales=())
         # With the errors that it leaves in the forces.
-        flights = error_flights(task, model)
-        scales, _ = fit_scales(flights, model.scales, free=("air", "air_time"))
-        model = dataclasses.replace(model, scales=scales)
-        if frozenset(model.kinds) in tried:
+        flights = error_flights(task, forces)
+        scales, _ = fit_scales(flights, forces.scales, free=("air", "air_time"))
+        forces = dataclasses.replace(forces, scales=scales)
+        kinds = frozenset(forces.kinds)
+        if kinds in tried:
             break
-        tried.append(frozenset(model.kinds))
+        tried.append(kinds)
 
-    bare = model
-    if model.kinds:
+    bare = forces
+    if forces.kinds:
         progress(Step("fitting the flat plate alone", 0.5))
-        bare = fit_model(task, model.without(task, *model.kinds), free_scales=())
+        bare = fit_model(task, forces.without(task, *forces.kinds), free_scales=())
 
     progress(Step("fitting the moment", 0.53))
     near, alike = near_sets(score.among(without_late(task).offered), members)
+    kept = {name: getattr(forces.scales, name) for name in _OF_FORCES}
+    scales = dataclasses.replace(start_scales(noise), **kept)
     others = [name for name in NAMES if name not in _OF_FORCES]
-
-    def with_moment(model: FitResult) -> FitResult:
-        kept = {name: getattr(model.scales, name) for name in _OF_FORCES}
-        scales = dataclasses.replace(start_scales(noise), **kept)
-        return _with_moment(task, model, scales, others)
-
     return SearchResult(
-        model=with_moment(model),
-        bare=with_moment(bare),
+        model=_with_moment(task, forces, scales, others),
+        bare=_with_moment(task, bare, scales, others),
         evidence=score.lost(members),
-        names={kind: kind for kind in model.kinds},
+        names={kind: kind for kind in forces.kinds},
         threshold=HELD_OUT_THRESHOLD["effect"],
         near=near,
         alike=alike,
-        forces=model,
+        forces=forces,
     )
 
 
@@ -343,9 +361,12 @@ def _slots_of_moment(task: Task) -> set[int]:
 def _with_moment(
     task: Task, model: FitResult, scales: Scales, free_scales: Sequence[str] = ()
 ) -> FitResult:
-    """Returns a model of forces with its moment fitted, and some scales."""
+    """Returns a model of forces with its moment fitted, and some scales.
+
+    `scales` are the noise under which it is fitted, `free_scales` those to fit.
+    """
     slots = _slots_of_moment(task)
-    free = tuple(i for i in task.vehicle.nuisance if i in slots)
+    free = tuple(slot for slot in task.vehicle.nuisance if slot in slots)
     start = dataclasses.replace(model, free=free, scales=scales, has_force_errors=False)
     fitted = fit_model(task, start, free_scales=free_scales)
     return dataclasses.replace(fitted, free=task.free(model.kinds))
@@ -368,7 +389,7 @@ def refitted(task: Task, model: FitResult, forces: FitResult | None) -> FitResul
 def forces_alone(task: Task, model: FitResult, forces: FitResult) -> FitResult:
     """Returns a model of which only the forces will be fitted, to other flights."""
     kept = _slots_of_moment(task)
-    free = tuple(i for i in model.free if i not in kept)
+    free = tuple(slot for slot in model.free if slot not in kept)
     return dataclasses.replace(
         model, free=free, scales=forces.scales, has_force_errors=True
     )
