@@ -5,5 +5,6 @@ and acceleration of a log. forces: gravity and forces fitted to them, once for a
 checks, and the scales of lengths and times by gravity. rows, smoothness: faulty rows,
 and rows of no flight. frame: axes, units, signs, the direction of the fall. rates:
 clocks of rows and commands. servo: whether the elevator follows its commands.
-servo_forms, servo_fit: the servo that it follows, and how far. planarity: roll and yaw.
+servo_forms, servo_fit: the servo that it follows. travel: how far it turns. planarity:
+roll and yaw.
 """

@@ -31,7 +31,7 @@ from glider.campaign.checks.servo import (
     follow_sign,
     measure_elevators,
 )
-from glider.campaign.checks.servo_forms import check_travel
+from glider.campaign.checks.travel import check_travel
 from glider.campaign.logs import Campaign
 from glider.physics.parameters import GliderParameters
 
