@@ -101,13 +101,12 @@ class RollSearch:
         """
         search = self.search
         model = search.fit(traced.model)
-        cost = search.penalized_cost(model)
         order = sorted(model.kinds, key=traced.evidence.__getitem__, reverse=True)
         for count in range(len(order) + 1):
             if _BESIDE < count < len(order):
                 continue
             kept = search.fit(model.without(search.task, *order[count:]))
-            gain_of_others = search.penalized_cost(kept) - cost
+            gain_of_others = search.penalized_cost(kept) - search.penalized_cost(model)
             least = _ENOUGH * gain_of_others + EVIDENCE_THRESHOLD
             bank, gain = self.fit_beside(kept, least)
             if gain > least:
@@ -128,9 +127,8 @@ class RollSearch:
         """
         usual, *others = _FINS
         begun = [self._begun(model, usual)]
-        _, first_gain = begun[0]
         by_chance = _BY_CHANCE * len(self.search.task.records)
-        if first_gain < _SHOWN * least + by_chance:
+        if begun[0][1] < _SHOWN * least + by_chance:
             return 0.0, 0.0
 
         begun += [self._begun(model, fin) for fin in others]
@@ -150,8 +148,7 @@ class RollSearch:
         found = []
         for bank in _PROBES:
             banks = np.tile([0.0, bank], (len(task.records), 1))
-            rolled = self._rolled(task.records, banks, fin)
-            found.append(task.on(rolled))
+            found.append(task.on(self._rolled(task.records, banks, fin)))
 
         return found
 
@@ -161,10 +158,10 @@ class RollSearch:
         The gain is that of the likelihood over level flight [nats].
         """
         tasks = self._usual if fin == _FINS[0] else self._probed(fin)
-        costs = []
-        for task in (self.search.task, *tasks):
-            flights = error_flights(task, model)
-            costs.append(negative_log_likelihood(flights, model.scales))
+        costs = [
+            negative_log_likelihood(error_flights(task, model), model.scales)
+            for task in (self.search.task, *tasks)
+        ]
         level, *banked = costs
         gain = level - np.min(costs, axis=0)
 
@@ -202,8 +199,8 @@ class RollSearch:
 
             relative = spreads[:, None] * curvature * spreads + np.eye(2)
             _, log_volumes = np.linalg.slogdet(relative)
-            prior = float(np.sum((banks / spreads) ** 2))
-            cost = model.cost + 0.5 * float(log_volumes.sum()) + 0.5 * prior
+            squares = (banks / spreads) ** 2
+            cost = model.cost + 0.5 * log_volumes.sum() + 0.5 * squares.sum()
             if not cost < best.cost - _TOLERANCE:
                 break
             best = dataclasses.replace(

@@ -77,12 +77,10 @@ def command_tape(
         since = since[piece] - begin
     steps = command_steps(time, flight.command[piece], switch_rate, since)
 
-    rest = 0.0
+    # Of the first angle that counts; zero without any.
     first = np.flatnonzero(~mask.elevator[piece])[:1]
-    if len(first):
-        turned = elevator_path(*steps, time[first])
-        rest = (flight.elevator[piece][first] - turned).item()
-    return CommandTape(*steps, rest)
+    rest = flight.elevator[piece][first] - elevator_path(*steps, time[first])
+    return CommandTape(*steps, float(rest.sum()))
 
 
 class LateServo(NamedTuple):
@@ -159,8 +157,7 @@ class Elevator(NamedTuple):
 
     def given(self, commands: np.ndarray) -> "Elevator":
         """Returns the same elevator behind other commands (k,) [rad/s]."""
-        tape = self.tape._replace(commands=commands)
-        return self._replace(tape=tape)
+        return self._replace(tape=self.tape._replace(commands=commands))
 
     def follow(
         self,
@@ -183,8 +180,7 @@ class Elevator(NamedTuple):
 
         limits = servo.limits
         lag = servo.lag
-        begins = self.tape.switches + servo.delay
-        tape = begins, self.tape.commands
+        tape = self.tape.switches + servo.delay, self.tape.commands
         if servo == servo.even:
             return elevator_path(*tape, query, limits, time_constant=lag, start=start)
 
@@ -199,7 +195,12 @@ class Elevator(NamedTuple):
 
 
 def measure_elevators(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
-    """Returns the elevators of a campaign's flights; none without a servo."""
+    """Returns the elevators of a campaign's flights; none without a servo.
+
+    Args:
+        campaign: the flights; where gaps hide commands, of one piece of each.
+        masks: rows that are excluded, and the piece, by the flights' names.
+    """
     if campaign.elevator != "servo":
         return []
     elevators = []
@@ -236,8 +237,8 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
     """
     if not elevators:
         return
-    commanded = max(float(np.ptp(each.follow(each.time))) for each in elevators)
-    moved = max(float(np.ptp(each.angle)) for each in elevators if len(each.angle))
+    commanded = max(np.ptp(each.follow(each.time)) for each in elevators)
+    moved = max(np.ptp(each.angle) for each in elevators if len(each.angle))
     if commanded < _MOVES and moved < _MOVES:
         return
     if min(moved, commanded) < _MOVES:
@@ -320,10 +321,13 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
         return np.zeros((4, len(delays)))
     ends, angles = windows_of(elevator)
     change = angles[1] - angles[0]
+
+    # Later commands are those of an earlier path.
     late = ends[:, None] - delays[:, None]  # (2, d, k)
     begin, end = elevator.follow(late)
     ordered = end - begin
 
+    # Windows between known commands, away from the stops.
     time = elevator.time
     is_known = (late[0] >= time[0]) & (late[1] <= time[-1])
     slowing = 0.0
@@ -331,6 +335,7 @@ def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray
         slowing = STOPPING_TIME * stops.rate
     is_near = (angles < stops.low + slowing) | (angles > stops.high - slowing)
     counts = is_known & ~is_near.any(axis=0)
+
     own = counts * change
     ordered = counts * ordered
     return np.stack([own**2, own * ordered, ordered**2, counts]).sum(axis=-1)

@@ -123,8 +123,7 @@ def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> fl
     elevators = _measure(campaign, masks)
     if not elevators:
         return 0.0
-    specified = LateServo(*campaign.limits)
-    return Fit(servo=specified, elevators=elevators).departures.noise
+    return Fit(servo=LateServo(*campaign.limits), elevators=elevators).departures.noise
 
 
 def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
@@ -176,11 +175,10 @@ def _better(before: Fit, others: Sequence[Fit]) -> Fit:
     departures' evidence, or no more than noise.
     """
     best = max(others, key=lambda fit: fit.likelihood, default=before)
-    gain = best.likelihood - before.likelihood
+    if not best.likelihood - before.likelihood > LEAST_EVIDENCE:
+        return before
     most = max(_MOSTLY * before.departures.evidence, LEAST_EVIDENCE)
-    if gain > LEAST_EVIDENCE and best.departures.evidence < most:
-        return best
-    return before
+    return best if best.departures.evidence < most else before
 
 
 def _describe(fit: Fit) -> str:
@@ -234,9 +232,10 @@ def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, str]:
     if np.isfinite(servo[:2]).any():
         low, high = np.clip(servo[:2], -MAX_ANGLE, MAX_ANGLE).tolist()
         stops = low, high
-    rate = servo.rate if math.isfinite(servo.rate) else None
     changed = dataclasses.replace(
-        campaign, elevator_limits=stops, elevator_rate_limit=rate
+        campaign,
+        elevator_limits=stops,
+        elevator_rate_limit=servo.rate if math.isfinite(servo.rate) else None,
     )
     return changed, words
 
@@ -259,8 +258,29 @@ def _with_departures(
     for flight in campaign.flights:
         own = departures.get(flight.name)
         flights.append(dataclasses.replace(flight, departure=own))
-    changed = dataclasses.replace(campaign, flights=tuple(flights))
-    return changed, _describe_departures(times, departures, plain, uneven)
+
+    # Why elevators depart from the plain servo, by how much, and where most.
+    cause = uneven.cause
+    if not cause:
+        step = _logged_step(plain)
+        if step > 0.0:
+            cause = f"has a log that rounds commands, in steps of {step:.3g} rad/s"
+    beginning = ""
+    ending = _UNKNOWN
+    if cause:
+        beginning = f"The servo {cause}. "
+        ending = "."
+    sizes = {name: np.abs(own.angle) for name, own in departures.items()}
+    worst = max(sizes, key=lambda name: sizes[name].max())
+    row = sizes[worst].argmax()
+    rms = math.sqrt(np.mean([own.angle.var() for own in departures.values()]))
+    sentence = (
+        f"{beginning}The elevator departs from its commands by {1e3 * rms:.2g} mrad "
+        f"(RMS; its noise is {1e3 * uneven.departures.noise:.2g}), in {worst} by "
+        f"{sizes[worst][row]:.2g} rad at {times[worst][row]:.3g} s{ending} "
+        "Flights are replayed along the measured elevator."
+    )
+    return dataclasses.replace(campaign, flights=tuple(flights)), sentence
 
 
 def _calc_departures(
@@ -296,34 +316,3 @@ def _calc_departures(
         name: Departure(curve, rest, std, is_named)
         for name, (curve, rest) in paths.items()
     }
-
-
-def _describe_departures(
-    times: Mapping[str, np.ndarray],
-    departures: Mapping[str, Departure],
-    plain: Fit,
-    uneven: Fit,
-) -> str:
-    """Says why elevators depart from a plain servo, by how much, and where most."""
-    sizes = {name: np.abs(own.angle) for name, own in departures.items()}
-    worst = max(sizes, key=lambda name: float(sizes[name].max()))
-    row = sizes[worst].argmax()
-    variances = [own.angle.var() for own in departures.values()]
-    rms = math.sqrt(np.mean(variances))
-
-    cause = uneven.cause
-    if not cause:
-        step = _logged_step(plain)
-        if step > 0.0:
-            cause = f"has a log that rounds commands, in steps of {step:.3g} rad/s"
-    beginning = ""
-    ending = _UNKNOWN
-    if cause:
-        beginning = f"The servo {cause}. "
-        ending = "."
-    return (
-        f"{beginning}The elevator departs from its commands by {1e3 * rms:.2g} mrad "
-        f"(RMS; its noise is {1e3 * uneven.departures.noise:.2g}), in {worst} by "
-        f"{sizes[worst][row]:.2g} rad at {times[worst][row]:.3g} s{ending} "
-        "Flights are replayed along the measured elevator."
-    )

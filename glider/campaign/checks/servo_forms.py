@@ -210,18 +210,18 @@ def fit_servo(
 
 def _ranges_of(
     elevators: Sequence[Elevator], command_std: float
-) -> dict[str, tuple[float, float, float, float]]:
+) -> dict[str, tuple[float, ...]]:
     """Returns least, most, start and scale of each number of a servo, by its name.
 
     Limits start where the measured angles and the commands end.
     """
     angles = np.concatenate([each.angle for each in elevators])
     commands = np.concatenate([each.tape.commands for each in elevators])
-    low = float(angles.min())
-    high = float(angles.max())
+    low = angles.min()
+    high = angles.max()
     middle = 0.5 * (low + high)
     span = high - low
-    fastest = float(np.abs(commands).max())
+    fastest = np.abs(commands).max()
     rates = _LEAST_RATE, 2.0 * fastest, 0.9 * fastest, 1.0
     return {
         "delay": (-_SURE * command_std, _LONGEST_DELAY, 0.0, _STEP),
@@ -243,15 +243,16 @@ def _std_of(found: OptimizeResult, elevators: Sequence[Elevator]) -> float:
 
     The sandwich estimator, clustered by flights: with J the slopes, e the errors and
     p_i = J_i' e_i the pull of flight i, it is the root of Σ ([(J'J)⁻¹ p_i]_last)².
+
+    Args:
+        found: what SciPy returns of the fit, its rows those of all elevators in turn.
+        elevators: of the flights.
     """
     # SciPy's J has rows scaled for soft L1; these errors give its gradient with them.
-    excess = found.fun / _USUAL_ERROR
-    error = found.fun * (1.0 + excess**2) ** 0.25
-    pull_of_rows = found.jac * error[:, None]
-
+    error = found.fun * (1.0 + (found.fun / _USUAL_ERROR) ** 2) ** 0.25
     rows = [len(each.rows) for each in elevators]
     first_rows = np.cumsum([0, *rows[:-1]])
-    pulls = np.add.reduceat(pull_of_rows, first_rows)
+    pulls = np.add.reduceat(found.jac * error[:, None], first_rows)
     gain = np.linalg.pinv(found.jac.T @ found.jac)[-1]
     return float(np.linalg.norm(pulls @ gain))
 
@@ -259,13 +260,18 @@ def _std_of(found: OptimizeResult, elevators: Sequence[Elevator]) -> float:
 def restore_lost(plain: Fit, command_std: float) -> Fit:
     """Finds commands that a servo never got, when it held the one before.
 
-    Each of the lost commands costs the logarithm of how many a flight has.
+    Each of the lost commands costs the logarithm of how many a flight has: which one
+    it is might be anything.
+
+    Args:
+        plain: the servo, fitted behind the logged commands.
+        command_std: see `fit_servo`.
     """
     noise = plain.departures.noise
     elevators = [_hold_lost(each, plain.servo, noise) for each in plain.elevators]
     restored = dataclasses.replace(plain, elevators=elevators)
     is_lost = restored.commands != plain.commands
-    cost = float(is_lost.sum()) * math.log(len(is_lost) / len(elevators))
+    cost = is_lost.sum() * math.log(len(is_lost) / len(elevators))
     cause = f"loses about {100.0 * is_lost.mean():.2g} % of its commands"
     return fit_servo(elevators, plain.servo, command_std, cost=cost, cause=cause)
 
@@ -278,7 +284,7 @@ def _hold_lost(elevator: Elevator, servo: LateServo, noise: float) -> Elevator:
     noise [rad] of both explains.
     """
     switches = elevator.tape.switches
-    period = float(np.median(np.diff(switches)))
+    period = np.median(np.diff(switches))
     for k in range(1, len(switches)):
         since = elevator.seen - switches[k] - servo.delay
         before = (since <= 0.0) & (since > -_BEFORE * period)
@@ -307,8 +313,8 @@ def find_step(plain: Fit, command_std: float) -> Fit:
     the servo as it is; then it is fitted behind the rounded commands.
     """
     # By a step that is wrong by so much, usual commands are off by a tenth of it.
-    apart = 0.1 / float(np.sqrt(np.mean(plain.commands**2)))
-    least = 1.0 / float(np.abs(plain.commands).max())
+    apart = 0.1 / np.sqrt((plain.commands**2).mean())
+    least = 1.0 / np.abs(plain.commands).max()
     inverse = np.arange(least, 1.0 / least_step(plain), apart)
     cost = math.log(len(inverse) * _FINER**2)
     for _ in range(3):
@@ -342,7 +348,7 @@ def least_step(plain: Fit) -> float:
     of the angles within a flight.
     """
     tape = plain.elevators[0].tape
-    period = float(np.median(np.diff(tape.switches)))
+    period = np.median(np.diff(tape.switches))
     noise = max(plain.departures.noise, _LEAST_NOISE)
     return noise / (period * math.sqrt(len(tape.commands) / 12.0))
 
@@ -371,9 +377,11 @@ def with_loads(
     for each, time, pose in zip(elevators, times, poses, strict=True):
         curve, rate = smoothing_maps(time, each.time, ratio)[:2] @ pose
         loads.append(_calc_load(each, curve[:, 2], rate, arm))
-    largest = max(float(load.max()) for load in loads)
-    pairs = zip(elevators, loads, strict=True)
-    return [each._replace(load=load / largest) for each, load in pairs]
+    largest = np.concatenate(loads).max()
+    return [
+        each._replace(load=load / largest)
+        for each, load in zip(elevators, loads, strict=True)
+    ]
 
 
 def _calc_load(

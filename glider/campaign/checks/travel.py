@@ -39,8 +39,6 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     Raises:
         InputError: the travel is off by more than the second share of _TRAVEL.
     """
-    if not elevators:
-        return ()
     gain, error = _calc_travel(elevators, campaign.limits, campaign.servo.command_std)
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "
@@ -78,8 +76,7 @@ def _calc_travel(
         least = best.likelihood + LEAST_EVIDENCE
         for others in (limits, _reached(few)):
             excuse = fit_gain(others)
-            is_nearer = _calc_error(excuse) < off
-            if is_nearer and excuse.likelihood > least:
+            if _calc_error(excuse) < off and excuse.likelihood > least:
                 best = excuse
                 least = excuse.likelihood
 
@@ -101,5 +98,5 @@ def _reached(elevators: Sequence[Elevator]) -> Servo:
     for each in elevators:
         _, (begin, end) = windows_of(each)
         changes.append(end - begin)
-    fastest = float(np.abs(np.concatenate(changes)).max()) / WINDOW
-    return Servo(float(angles.min()), float(angles.max()), fastest)
+    fastest = np.abs(np.concatenate(changes)).max() / WINDOW
+    return Servo(angles.min(), angles.max(), fastest)

@@ -106,8 +106,7 @@ class Floor:
         errors = np.log(np.clip(errors, 1e-9, LARGEST_ERROR))
 
         apart = near_median(errors - drawn.mean(axis=2))
-        variance = drawn.var(axis=2).sum(axis=0)
-        error = np.sqrt(variance) / len(apart)
+        error = np.sqrt(drawn.var(axis=2).sum(axis=0)) / len(apart)
         z = apart.mean(axis=0) / np.hypot(error, _ACCURACY)
         return min(1.0, 2.0 * float(ndtr(-z).min()))
 
@@ -219,37 +218,55 @@ def _squares(
     """Returns mean squares of a flight's replicas (4, R), as in `Floor`.
 
     They are infinite if the flight diverges.
+
+    Args:
+        model: predicts the replicas.
+        perfect: the truth, of which they are drawn.
+        record: the flight.
+        rng: its own random numbers.
     """
     flight = linearize(record, model.theta, model.gaussians)
     moves = _moves_of(flight, perfect.truth)
     measured = _draw_replicas(flight, moves, perfect.truth, rng)
+    total = moves.shape[1]
     beginning = model.of_launch(record)
     seen = record.seen[:, 0]
     diverging = np.full((4, _REPLICAS), np.inf)
 
-    # Each replica is predicted from the launch that its beginning shows.
-    shown = _flown(moves, flight.shows, np.eye(moves.shape[1]))
-    if not np.max(np.abs(shown)) < _GROWTH:
+    # What a unit of each deviation at launch shows, (K + 1, C, N).
+    shown = _flown(moves, flight.shows, np.eye(total))
+    if not np.abs(shown).max() < _GROWTH:
         return diverging
-    launches = _fit_launches(flight, model.scales, shown, measured, beginning)
+
+    # The launches (N, R) that the replicas' beginnings show. Rollouts have next to no
+    # process noise: their filter is a regression, with a prior of the launch.
+    weights = beginning[..., None] / np.array(model.scales.sensors)[:, None]
+    columns = (weights * shown).reshape(-1, total)
+    values = (weights * measured).reshape(-1, _REPLICAS)
+    prior = 1.0 / np.maximum(start_variances(flight, model.scales), 1e-16)
+    hessian = columns.T @ columns + np.diag(prior)
+    launches = np.linalg.solve(hessian, columns.T @ values)
+    n = len(flight.states)
+    launches[n : n + PROCESSES] = 0.0
+
     error = (measured - shown @ launches)[seen]
     free = np.sum(error[:, :2] ** 2, axis=1)
     pitch = error[:, PITCH] ** 2
 
+    # Along the measured pitch, the rest of the launch is fitted again.
     guided = _guide(flight, moves, launches, measured, perfect.pitch_ratio)
-    if not np.max(np.abs(guided)) < _GROWTH:
+    if not np.abs(guided).max() < _GROWTH:
         return diverging
 
-    # The place and the velocity of the launch are fitted again.
     left = measured[:, :2] - guided[..., :_REPLICAS]
     columns = guided[..., _REPLICAS:]
     fitted = beginning[:, :2]
     step, *_ = np.linalg.lstsq(columns[fitted], left[fitted], rcond=None)
     error = (left - columns @ step)[seen]
     along = np.sum(error**2, axis=1)
-    return np.stack(
-        [free.mean(axis=0), along.mean(axis=0), pitch.mean(axis=0), free[-1]]
-    )
+
+    means = np.mean([free, along, pitch], axis=1)
+    return np.vstack([means, free[-1]])
 
 
 def _moves_of(flight: LinearFlight, scales: Scales) -> np.ndarray:
@@ -298,54 +315,27 @@ def _draw_replicas(
 
     Their launches differ by the elevator's rest and memory alone, and accelerations
     that no model has do not happen.
+
+    Args:
+        flight: the linear one, about which they are drawn.
+        moves: (K, N, N) of `_moves_of`.
+        truth: standard deviations of what happens, and of the sensors.
+        rng: draws launches and shocks first, then the sensors' noise.
     """
     n = len(flight.states)
     stds = np.sqrt(start_variances(flight, truth))
     stds[[i for i in range(NUM_STATES) if i != ELEVATOR]] = 0.0
     stds[n + _MOMENT] = 0.0
-    shape = len(moves) + 1, len(stds), _REPLICAS
-    drawn = rng.normal(size=shape) * stds[:, None]
+    drawn = rng.normal(size=(len(moves) + 1, len(stds), _REPLICAS)) * stds[:, None]
 
-    # Shocks keep the variances of the processes; those of constants are zero.
+    # The shocks that leave the variances of decaying processes as they are; constants
+    # get none.
     kept = np.diagonal(moves, axis1=1, axis2=2)[:, n:, None]
     shocks = np.zeros_like(drawn[1:])
     shocks[:, n:] = np.sqrt(1.0 - kept**2) * drawn[1:, n:]
     measured = _flown(moves, flight.shows, drawn[0], shocks)
     noise = np.array(truth.sensors)[:, None]
-    measured += rng.normal(size=measured.shape) * noise
-    return measured
-
-
-def _fit_launches(
-    flight: LinearFlight,
-    scales: Scales,
-    shown: np.ndarray,
-    measured: np.ndarray,
-    beginning: np.ndarray,
-) -> np.ndarray:
-    """Returns the likeliest launches of replicas, as deviations (N, R).
-
-    Rollouts have next to no process noise, so that their filter is a regression, with
-    the launch's variances as a prior.
-
-    Args:
-        flight: the linear one.
-        scales: of the rollouts' errors.
-        shown: (K + 1, C, N) what a unit of each deviation shows.
-        measured: (K + 1, C, R) of the replicas.
-        beginning: (K + 1, C) which measurements count.
-    """
-    total = shown.shape[2]
-    weights = beginning[..., None] / np.array(scales.sensors)[:, None]
-    columns = (weights * shown).reshape(-1, total)
-    values = (weights * measured).reshape(-1, _REPLICAS)
-    prior = 1.0 / np.maximum(start_variances(flight, scales), 1e-16)
-    hessian = columns.T @ columns + np.diag(prior)
-    launches = np.linalg.solve(hessian, columns.T @ values)
-    # A rollout begins in still air, on the elevator's path.
-    n = len(flight.states)
-    launches[n : n + PROCESSES] = 0.0
-    return launches
+    return measured + rng.normal(size=measured.shape) * noise
 
 
 def _guide(
@@ -362,14 +352,12 @@ def _guide(
     pitch.
     """
     record = flight.record
-    seen = record.seen[:, 2]
+    seen = record.seen[:, PITCH]
     maps = smoothing_maps(record.time[seen], record.time, pitch_ratio)[:2]
     turned = np.moveaxis(maps @ measured[seen, PITCH], 0, 1)  # (K + 1, 2, R)
 
-    launches = launches.copy()
-    launches[_TRANSLATED] = 0.0
-    units = np.eye(len(launches))[:, _TRANSLATED]
-    start = np.hstack([launches, units])
+    start = np.hstack([launches, np.eye(len(launches))[:, _TRANSLATED]])
+    start[_TRANSLATED, :_REPLICAS] = 0.0
     imposed = np.zeros((len(record.time), *start.shape))
     imposed[:, _TURNED, :_REPLICAS] = turned
     imposed[:, PITCH, :_REPLICAS] -= launches[-1]

@@ -94,10 +94,7 @@ def hold_out(
     """
     count = len(task.records)
     order = rng.permutation(count)
-    parts = []
-    for k in range(min(FOLDS, count)):
-        part = np.sort(order[k::FOLDS])
-        parts.append(part.tolist())
+    parts = [np.sort(order[k::FOLDS]).tolist() for k in range(min(FOLDS, count))]
 
     # What is found without each part, and the columns of the models' coefficients.
     linear = LinearFlights(task, corrected)

@@ -191,7 +191,7 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     turned = record.pitch + np.stack([begin, 0.5 * (end + begin), end], axis=1)
     guided = path._replace(pitch=np.ascontiguousarray(turned))
     start = nodes[0].copy()
-    start[OFFSET] = launch[OFFSET]
+    start[OFFSET] = 0.0
     start[NUM_STATES:] = launch[NUM_STATES:]
 
     def places(change: np.ndarray, along: LogPath) -> np.ndarray:
@@ -233,8 +233,7 @@ def rms(accelerations: np.ndarray) -> EquationErrors:
 
     The columns are those of `ResidualTable.residual`.
     """
-    means = np.mean(accelerations**2, axis=0)
-    return EquationErrors(*np.sqrt(means).tolist())
+    return EquationErrors(*np.sqrt((accelerations**2).mean(axis=0)).tolist())
 
 
 def errors_from(
@@ -250,8 +249,7 @@ def errors_from(
     means = np.average(squares.mean(axis=2), axis=0, weights=rows)
     free, along, pitch, _ = np.sqrt(means).tolist()
     end = float(np.sqrt(squares[:, 3]).mean())
-    rollout = RolloutErrors(free, end, pitch)
-    return Errors(equation, rollout, PathErrors(along))
+    return Errors(equation, RolloutErrors(free, end, pitch), PathErrors(along))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
@@ -260,6 +258,10 @@ def mean_squares(records: Sequence[Record], flown: Sequence[Prediction]) -> np.n
 
     They are of the position, free and along the measured pitch [m²], of the pitch
     [rad²], and of the position at the end [m²].
+
+    Args:
+        records: the flights.
+        flown: their predictions.
     """
     found = []
     for record, predicted in zip(records, flown, strict=True):

@@ -134,8 +134,7 @@ def change_of(
 
     # Shares (k, n) of the flights in each change, by their order. Row i of the triangle
     # is the break at flight i; the first and last leave too few on a side.
-    triangle = np.triu(np.ones((count, count)))
-    breaks = triangle[_LEAST_SIDE : count - _LEAST_SIDE + 1]
+    breaks = np.triu(np.ones((count, count)))[_LEAST_SIDE : count - _LEAST_SIDE + 1]
     shares = np.vstack([breaks, np.linspace(-0.5, 0.5, count)])
     slots = [candidates.slots[j] for j in columns]
     least = LEAST_SPREAD * candidates.task.space.scale[slots]
@@ -152,7 +151,7 @@ def change_of(
 
         curvature = shares**2 @ delta_delta[order]
         curvature += prior.precision[columns]
-        curvature -= np.sum(mixed**2, axis=1)
+        curvature -= (mixed**2).sum(axis=1)
         curvature = np.maximum(curvature, 1e-12)
 
         sizes = slope / curvature
@@ -191,7 +190,12 @@ def change_of(
 
 
 def _columns_of(candidates: Candidates, grams: np.ndarray) -> list[int]:
-    """Returns the columns of the sizes of formulas that show in a flight."""
+    """Returns the columns of the coefficients that may change.
+
+    They are those of the library's formulas, not of free functions; sizes, not shapes,
+    in which the flights are not linear; and they show in a flight, by its information
+    on them in the grams (n, M + 1, M + 1).
+    """
     space = candidates.task.space
     offered: set[int] = set()
     for kind in candidates.variants.keys() & space.kinds.keys():
@@ -203,11 +207,7 @@ def _columns_of(candidates: Candidates, grams: np.ndarray) -> list[int]:
 def by_number(name: str) -> list[tuple[int, str]]:
     """Returns the key by which flight_2 comes before flight_10."""
     parts = re.split(r"(\d+)", name)
-    key = []
-    for part in parts:
-        number = int(part) if part.isdecimal() else -1
-        key.append((number, part))
-    return key
+    return [(int(part) if part.isdecimal() else -1, part) for part in parts]
 
 
 def are_at_one_end(some: Collection[str], names: Iterable[str]) -> bool:
@@ -227,8 +227,7 @@ def _chance_of_slope(
     By Student's t of a regression of values (n,) on shares (n,) with weights (n,), from
     its correlation r: t = |r| √((n - 2) / (1 - r²)).
     """
-    covariance = np.cov(values, shares, ddof=0, aweights=weights)
-    (square, both), (_, spread) = covariance
+    (square, both), (_, spread) = np.cov(values, shares, ddof=0, aweights=weights)
     correlation = both / np.sqrt(max(square * spread, 1e-300))
     unexplained = max(1.0 - correlation**2, 1e-300)
     freedom = len(values) - 2

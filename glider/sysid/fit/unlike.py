@@ -87,9 +87,7 @@ def _find_end(along: np.ndarray) -> np.ndarray:
     chosen = order[-size:]
     if after_first.max() > before_last.max():
         chosen = order[:size]
-    is_beyond = np.zeros(count, bool)
-    is_beyond[chosen] = True
-    return is_beyond
+    return np.isin(np.arange(count), chosen)
 
 
 def predict_unlike(
@@ -120,11 +118,9 @@ def predict_unlike(
     scales = models["corrected"].scales
     flying = {}
     for name, model in models.items():
-        again = refitted(others, model, forces)
-        flying[name] = flown_by(others, again, scales)
+        flying[name] = flown_by(others, refitted(others, model, forces), scales)
     nothing = EquationErrors(math.nan, math.nan, math.nan)
-    equation = dict.fromkeys((*flying, PERFECT), nothing)
-    found = compare(flying, unlike, perfect, equation)
+    found = compare(flying, unlike, perfect, dict.fromkeys((*flying, PERFECT), nothing))
     return UnlikeFlights(
         flights=tuple(record.name for record in found.counted),
         difference=difference,
