@@ -279,9 +279,9 @@ def restore_lost(plain: Fit, command_std: float) -> Fit:
 def _hold_lost(elevator: Elevator, servo: LateServo, noise: float) -> Elevator:
     """Returns an elevator behind commands whose lost ones are those before them.
 
-    A command is lost if, with the one before held, the path leaves clearly less of the
-    angles after it: their squares, from the mean just before, are fewer by more than
-    noise [rad] of both explains.
+    A command is lost if the path with the one before held leaves clearly smaller errors
+    after it: the sum of their squares, from the mean error just before, falls by more
+    than noise [rad] of both means explains.
     """
     switches = elevator.tape.switches
     period = np.median(np.diff(switches))

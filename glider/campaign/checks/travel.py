@@ -92,7 +92,7 @@ def _calc_error(fit: Fit) -> float:
 
 
 def _reached(elevators: Sequence[Elevator]) -> Servo:
-    """Limits that elevators reach: where they end, and how fast they turn."""
+    """Returns limits that elevators reach: where they end, and how fast they turn."""
     angles = np.concatenate([each.angle for each in elevators])
     changes = []
     for each in elevators:
