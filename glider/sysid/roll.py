@@ -46,7 +46,7 @@ _BY_CHANCE = 0.25
 # 0.45 where an effect acts and nothing rolls, at least 0.85 where all flights roll.
 _ENOUGH = 0.8
 _BESIDE = 2  # Effects that may act beside a roll.
-_FINS = 3.0, 0.0, 30.0  # Yaw acceleration over airspeed and slip that are tried [1/m].
+_FINS = 3.0, 0.0, 30.0  # Yaw acceleration over airspeed and slip that are tried [1/m²].
 _MOST = 0.9  # Bank that is no slight one any more [rad].
 _LEAST = 0.01  # Spread of banks below which flights show none [rad].
 _ROUNDS = 6  # Of banks, spreads and coefficients that depend on each other.
@@ -62,7 +62,7 @@ class _Rolls:
     """A model of flights that roll.
 
     Attributes:
-        fin: yaw acceleration over airspeed and slip [1/m].
+        fin: yaw acceleration over airspeed and slip [1/m²].
         banks: (F, 2) at the first and last node of each flight [rad].
         spreads: (2,) standard deviations of the banks' prior [rad].
         model: the fit beside the roll.
@@ -251,7 +251,7 @@ class RollSearch:
         """Returns flights as if their roll and yaw were logged.
 
         Their logs, with the attitude that follows from banks (F, 2) [rad] and a fin
-        [1/m], are prepared again; in the session they stay where they were.
+        [1/m²], are prepared again; in the session they stay where they were.
         """
         nominal = vars(GliderParameters()) | self.campaign.vehicle
         attitudes = attitudes_of(records, banks, fin, nominal)
@@ -284,7 +284,7 @@ def attitudes_of(
     Args:
         records: the flights, F of them; their motion in the plane is the measured one.
         banks: (F, 2) of the wing to the horizon at the first and last node [rad].
-        fin: yaw acceleration over airspeed and slip [1/m].
+        fin: yaw acceleration over airspeed and slip [1/m²].
         vehicle: the glider's parameters by name.
 
     Returns:
@@ -331,7 +331,7 @@ def _fly_aside(
         record: the flight, whose motion in x and z is the measured one.
         normal: (n, 3) of the wing in x, y and z, before the yaw.
         left: (n, 3) axis of the wing, before the yaw.
-        fin: yaw acceleration over airspeed and slip [1/m].
+        fin: yaw acceleration over airspeed and slip [1/m²].
         vehicle: the glider's parameters by name.
     """
     arm = vehicle["hinge_offset"] + vehicle["elevator_offset"]
