@@ -92,8 +92,9 @@ class Floor:
         """Returns the probability that a perfect model leaves as much.
 
         Logarithms of errors are compared, flight by flight: one that is far off counts
-        little. The mean difference is normal, with the variance of the replicas and of
-        their number; the less probable of the two kinds of errors counts, times two.
+        little. The mean difference is divided by its standard error, of the flights and
+        of the number of replicas. Twice the probability of the less likely of the two
+        kinds of errors is returned (Bonferroni).
 
         Args:
             paths: (F, 2) position RMS of the flights, free and along the pitch [m].
@@ -172,7 +173,7 @@ def compare(
     for name, own in squares.items():
         errors[name] = errors_from(own[counts, :, None], rows, equation[name])
 
-    # The chance of what is left is that on more flights than these.
+    # Whether what is left is chance is judged on more flights than these.
     corrected = models["corrected"]
     others = [record for record in more if record not in counted]
     first = [*counted, *others][:MANY_FLIGHTS]

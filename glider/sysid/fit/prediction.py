@@ -177,13 +177,14 @@ def predict(model: RolloutModel, record: Record) -> Prediction:
     space = record.space
 
     def fly(start: np.ndarray, along: LogPath) -> np.ndarray:
+        """Returns the poses (n, 3) of a rollout, as the sensors would show them."""
         states = roll_out(space.flown, along, start, dynamics, model.gaussians)
         return sensed(space, states, model.theta, model.gaussians)
 
     pose = fly(launch, path)
     pose[:, 2] += pitch_zero
 
-    # The sensors show the measured pitch, and its rate, of another true one.
+    # The true pitch and rate are those that the sensors would show as measured.
     nodes = true_nodes(record, model.theta, model.gaussians)
     apart = (nodes - record.nodes)[:, [2, 6]] - [pitch_zero, 0.0]
     begin = apart[:-1]
