@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from glider.campaign.checks.servo import measure_elevators
-from glider.campaign.checks.servo_forms import _calc_travel, check_travel
+from glider.campaign.checks.travel import _calc_travel, check_travel
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError

@@ -6,5 +6,5 @@ them, once for all checks. fall: the scales of lengths and times by gravity. row
 smoothness: faulty rows, and rows of no flight. frame: axes, units, the direction of the
 fall. signs: the axes and signs of an import's mapping. rates: clocks of rows and
 commands. servo: whether the elevator follows its commands. servo_forms, servo_fit: the
-servo that it follows, and how far. planarity: roll and yaw.
+servo that it follows. travel: how far it turns. planarity: roll and yaw.
 """

@@ -24,8 +24,8 @@ from glider.campaign.checks.planarity import find_rolled
 from glider.campaign.checks.rates import check_commands, check_rates
 from glider.campaign.checks.rows import find_faults, find_hand
 from glider.campaign.checks.servo import check_follows, measure_elevators
-from glider.campaign.checks.servo_forms import check_travel
 from glider.campaign.checks.stamps import find_even_times
+from glider.campaign.checks.travel import check_travel
 from glider.campaign.logs import Campaign, Flight
 
 _MIN_ROWS = 20  # Usable rows of a flight, as the reader expects.

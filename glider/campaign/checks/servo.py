@@ -41,17 +41,33 @@ _MIN_CHANGES = 15  # Least number of changes that show a correlation.
 
 
 class CommandTape(NamedTuple):
-    """The held commands of a flight, from its first row whose commands are known."""
+    """The held commands of a flight, from its first row whose commands are known.
 
-    switches: np.ndarray  #: (k,) when each begins [s].
-    commands: np.ndarray  #: (k,) [rad/s]
-    rest: float  #: Angle of the elevator before the first [rad].
+    Attributes:
+        switches: (k,) when each command begins [s].
+        commands: (k,) [rad/s].
+        rest: angle of the elevator before the first command [rad].
+    """
+
+    switches: np.ndarray
+    commands: np.ndarray
+    rest: float
 
 
 def command_tape(
     flight: Flight, mask: Masks, switch_rate: float | None, begin: float = 0.0
 ) -> CommandTape:
-    """Returns when commands switch [s], counted from `begin`, and to what."""
+    """Returns when the commands of a flight switch, and to what.
+
+    The elevator rested where its first measured angle is met by a servo that follows
+    every command; the noise of that angle is left to the launch state x[3].
+
+    Args:
+        flight: with a servo.
+        mask: its excluded rows.
+        switch_rate: of the commands' clock, as `command_steps` takes it [Hz].
+        begin: time of the log from which the switches are counted [s].
+    """
     assert flight.command is not None and flight.elevator is not None
     # What was commanded before a gap that hides commands does not count.
     piece = slice(mask.first, None)
@@ -59,30 +75,49 @@ def command_tape(
     since = flight.command_time
     if since is not None:
         since = since[piece] - begin
-    tape = command_steps(time, flight.command[piece], switch_rate, since)
-    seen = np.flatnonzero(~mask.elevator[piece])[:1]  # Its noise is what x[3] is for.
-    rest = flight.elevator[piece][seen] - elevator_path(*tape, time[seen])
-    return CommandTape(*tape, float(np.sum(rest)))
+    steps = command_steps(time, flight.command[piece], switch_rate, since)
+
+    # Of the first angle that counts; zero without any.
+    first = np.flatnonzero(~mask.elevator[piece])[:1]
+    rest = flight.elevator[piece][first] - elevator_path(*steps, time[first])
+    return CommandTape(*steps, float(rest.sum()))
 
 
 class LateServo(NamedTuple):
-    """A servo that elevators may follow; loads are over the largest of a campaign."""
+    """A servo that elevators may follow.
 
-    low: float = -math.inf  #: Stops [rad].
+    It is even if it has nothing but limits, a delay and a lag. Loads are those of the
+    air on the elevator, over the largest of a campaign.
+
+    Attributes:
+        low: stop of the trailing edge down [rad].
+        high: stop of the trailing edge up [rad].
+        rate: largest rate either way [rad/s].
+        delay: of the commands [s].
+        lag: mean of the time constants of turning up and down, without load [s].
+        skew: half the difference of both, over their mean.
+        lag_by_load: what the largest load adds to the lag [s].
+        rate_by_load: share that the largest load takes from the rate limit.
+        play: free travel of the elevator behind the servo [rad].
+        slew: largest rate of coming after the commands [rad/s].
+        gain: travel of the elevator over that of the servo.
+    """
+
+    low: float = -math.inf
     high: float = math.inf
-    rate: float = math.inf  #: Largest [rad/s].
-    delay: float = 0.0  #: [s]
-    lag: float = 0.0  #: Mean of turning up and down, without load [s].
-    skew: float = 0.0  #: Half the difference of both, over their mean.
-    lag_by_load: float = 0.0  #: That the largest load adds [s].
-    rate_by_load: float = 0.0  #: Share of the rate limit that it takes.
-    play: float = 0.0  #: Free, of the elevator behind the servo [rad].
-    slew: float = math.inf  #: Largest rate of coming after the commands [rad/s].
-    gain: float = 1.0  #: Of the elevator's travel.
+    rate: float = math.inf
+    delay: float = 0.0
+    lag: float = 0.0
+    skew: float = 0.0
+    lag_by_load: float = 0.0
+    rate_by_load: float = 0.0
+    play: float = 0.0
+    slew: float = math.inf
+    gain: float = 1.0
 
     @property
     def even(self) -> "LateServo":
-        """The same without what makes it uneven."""
+        """The same servo with its limits, delay and lag alone."""
         return LateServo(*self[:5])
 
     @property
@@ -98,14 +133,22 @@ class Elevator(NamedTuple):
     """The measured elevator of a flight, and the commands that it may follow.
 
     Where gaps hide commands, both are those of one piece of the flight.
+
+    Attributes:
+        name: of the flight.
+        time: (n,) of the rows of the piece [s].
+        rows: (m,) indices of those whose angle counts.
+        angle: (m,) measured there [rad].
+        tape: the commands.
+        load: (n,) of the air at the rows, over the largest of a campaign; or (1,).
     """
 
-    name: str  #: Name of the flight.
-    time: np.ndarray  #: (n,) of the rows of the piece [s].
-    rows: np.ndarray  #: (m,) those that count.
-    angle: np.ndarray  #: (m,) measured there [rad].
+    name: str
+    time: np.ndarray
+    rows: np.ndarray
+    angle: np.ndarray
     tape: CommandTape
-    load: np.ndarray = np.zeros(1)  #: (n,) or (1,) at the rows, the largest is 1.
+    load: np.ndarray = np.zeros(1)
 
     @property
     def seen(self) -> np.ndarray:
@@ -113,7 +156,7 @@ class Elevator(NamedTuple):
         return self.time[self.rows]
 
     def given(self, commands: np.ndarray) -> "Elevator":
-        """The same behind other commands (k,) [rad/s]."""
+        """Returns the same elevator behind other commands (k,) [rad/s]."""
         return self._replace(tape=self.tape._replace(commands=commands))
 
     def follow(
@@ -122,33 +165,46 @@ class Elevator(NamedTuple):
         servo: LateServo = _UNLIMITED,
         rest: float | None = None,
     ) -> np.ndarray:
-        """Angles of a servo behind the commands, at any times [rad].
+        """Returns the angles of a servo behind the commands [rad].
 
-        It began at `rest`, or at the angle of the tape. For an uneven servo the times
-        increase.
+        Args:
+            query: (m,) times, in any order for an even servo, increasing for others
+                [s].
+            servo: it begins within its stops.
+            rest: angle before the first command [rad]; None: that of the tape.
         """
         start = self.tape.rest if rest is None else rest
         if servo.gain != 1.0:
             path = self.follow(query, servo._replace(gain=1.0), start)
             return start + servo.gain * (path - start)
+
         limits = servo.limits
-        delay, lag, skew, *uneven, _ = servo[3:]
-        tape = self.tape.switches + delay, self.tape.commands
+        lag = servo.lag
+        tape = self.tape.switches + servo.delay, self.tape.commands
         if servo == servo.even:
             return elevator_path(*tape, query, limits, time_constant=lag, start=start)
-        form = (lag * (1.0 + skew), lag * (1.0 - skew), *uneven)
+
+        up = lag * (1.0 + servo.skew)
+        down = lag * (1.0 - servo.skew)
+        form = up, down, servo.lag_by_load, servo.rate_by_load, servo.play, servo.slew
         start = float(min(max(start, limits.low), limits.high))
-        path = np.empty(len(query))
         loads = self.time[: len(self.load)], self.load
-        given = *tape, query, limits, form, *loads
-        LOOPS.over(()).uneven_path(*given, start, path)
+        path = np.empty(len(query))
+        LOOPS.over(()).uneven_path(*tape, query, limits, form, *loads, start, path)
         return path
 
 
 def measure_elevators(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
-    """Elevators of a campaign's flights; none without a servo."""
+    """Returns the elevators of a campaign's flights; none without a servo.
+
+    Args:
+        campaign: the flights; where gaps hide commands, of one piece of each.
+        masks: rows that are excluded, and the piece, by the flights' names.
+    """
+    if campaign.elevator != "servo":
+        return []
     elevators = []
-    for flight in campaign.flights if campaign.elevator == "servo" else ():
+    for flight in campaign.flights:
         assert flight.elevator is not None
         mask = masks_of(flight, masks)
         piece = slice(mask.first, mask.last)
@@ -160,7 +216,10 @@ def measure_elevators(campaign: Campaign, masks: Mapping[str, Masks]) -> list[El
 
 
 def windows_of(elevator: Elevator) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (2, k) of windows of an elevator's log [s], and its angles there [rad]."""
+    """Returns the ends (2, k) of windows of a log [s], and its angles there [rad].
+
+    Windows last WINDOW and overlap by half of it; angles are interpolated.
+    """
     seen = elevator.seen
     begin = np.arange(seen[0], seen[-1] - WINDOW, 0.5 * WINDOW)
     ends = np.stack([begin, begin + WINDOW])
@@ -168,11 +227,18 @@ def windows_of(elevator: Elevator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
-    """Refuses an elevator that does not follow its commands, or precedes them."""
+    """Refuses an elevator that does not follow its commands, or precedes them.
+
+    One that neither moves nor is commanded to shows nothing, and passes.
+
+    Raises:
+        InputError: the elevator or its commands do not move, their changes do not
+            correlate at any delay, or only at one at which the elevator moves first.
+    """
     if not elevators:
         return
-    commanded = max(float(np.ptp(each.follow(each.time))) for each in elevators)
-    moved = max(float(np.ptp(each.angle)) for each in elevators if len(each.angle))
+    commanded = max(np.ptp(each.follow(each.time)) for each in elevators)
+    moved = max(np.ptp(each.angle) for each in elevators if len(each.angle))
     if commanded < _MOVES and moved < _MOVES:
         return
     if min(moved, commanded) < _MOVES:
@@ -216,40 +282,60 @@ def calc_correlation(
     delays: np.ndarray = _DELAYS,
     servo: Servo = NO_LIMITS,
 ) -> tuple[float, float]:
-    """Best correlation of elevators with commands, -1 to 1, and its delay [s].
+    """Returns the best correlation of elevators with commands, and its delay.
 
-    Where an elevator slows down before a stop of the servo, it follows no command. Both
-    are nan where too few changes are known to judge: no comparison with them holds.
+    With Δφ the changes of the elevators over windows, Δψ those of the path at a delay,
+    it is Σ Δφ Δψ / √(Σ Δφ² Σ Δψ²). Where an elevator slows down before a stop of the
+    servo, it follows no command.
+
+    Args:
+        elevators: of the flights, which share the delay.
+        delays: (d,) that are tried [s].
+        servo: its stops.
+
+    Returns:
+        The correlation of the largest size, -1 to 1, and the delay [s]; both nan where
+        too few changes are known to judge: no comparison with them holds.
     """
     if not elevators:
         return math.nan, math.nan
-    sums = [np.sum(_compare(own, delays, servo), axis=-1) for own in elevators]
+    sums = [_compare(own, delays, servo) for own in elevators]
     turned, together, ordered, count = np.sum(sums, axis=0)
     correlation = together / np.sqrt(np.maximum(turned * ordered, 1e-30))
-    size = np.abs(correlation)
-    best = int(np.argmax(np.where(count < _MIN_CHANGES, -np.inf, size)))
-    if count[best] < _MIN_CHANGES:
+    is_shown = count >= _MIN_CHANGES
+    if not is_shown.any():
         return math.nan, math.nan
+    size = np.where(is_shown, np.abs(correlation), -np.inf)
+    best = int(np.argmax(size))
     return float(correlation[best]), float(delays[best])
 
 
 def _compare(elevator: Elevator, delays: np.ndarray, stops: Servo) -> np.ndarray:
-    """Compares changes of an elevator with the commanded ones, (4, delays, k).
+    """Compares changes of an elevator with the commanded ones at each delay, (4, d).
 
-    Squared changes of the elevator, products with the commanded ones, squares of these,
-    and 1. All are 0 where commands are not known, or near a stop.
+    Sums over windows: of the squared changes of the elevator, of their products with
+    the commanded ones, of the squares of these, and the number of windows. Those whose
+    commands are not known, or that touch a stop, do not count.
     """
     if len(elevator.rows) < 2:
-        return np.zeros((4, len(delays), 0))
+        return np.zeros((4, len(delays)))
     ends, angles = windows_of(elevator)
-    time = elevator.time
     change = angles[1] - angles[0]
-    late = delays[:, None]
-    begin, end = elevator.follow(ends[:, None] - late)
+
+    # Later commands are those of an earlier path.
+    late = ends[:, None] - delays[:, None]  # (2, d, k)
+    begin, end = elevator.follow(late)
     ordered = end - begin
-    is_known = (ends[0] - late >= time[0]) & (ends[1] - late <= time[-1])
-    slowing = STOPPING_TIME * stops.rate if math.isfinite(stops.rate) else 0.0
+
+    # Windows between known commands, away from the stops.
+    time = elevator.time
+    is_known = (late[0] >= time[0]) & (late[1] <= time[-1])
+    slowing = 0.0
+    if math.isfinite(stops.rate):
+        slowing = STOPPING_TIME * stops.rate
     is_near = (angles < stops.low + slowing) | (angles > stops.high - slowing)
-    is_known &= ~is_near.any(axis=0)
-    one = np.ones_like(ordered)
-    return np.stack([one * change**2, ordered * change, ordered**2, one]) * is_known
+    counts = is_known & ~is_near.any(axis=0)
+
+    own = counts * change
+    ordered = counts * ordered
+    return np.stack([own**2, own * ordered, ordered**2, counts]).sum(axis=-1)

@@ -1,13 +1,18 @@
 """The servo that a campaign's elevators follow, and what they do beside it.
 
 The measured angles of all flights are compared with the exact path of a servo behind
-the logged commands. Where what is left of them is noise, the servo is as specified;
-else its delay and lag are fitted, and then its limits, and forms that are not even: a
-lag of one way, a lag or a rate that depends on the load, free play, commands that are
-lost or rounded. The form that makes the angles most likely is named, if it leaves less
-than half of what a delay and a lag do. Flights are replayed with what a servo of a
-delay, a lag and limits does not do, so that the aerodynamics are traced along the
-measured elevator; so they are with departures that no form explains.
+the logged commands. If the servo as specified leaves no more than noise, nothing is
+done; otherwise these are fitted:
+
+1. a plain servo: its delay and lag, which are effects to be traced later;
+2. limits of its own, which replace those of the campaign;
+3. forms that are not even: a lag of one way, a lag or a rate limit that depends on the
+   load, free play, commands that are lost or rounded.
+
+The form that makes the angles most likely is named, if it leaves less than half of what
+the plain servo does. What elevators do beside a servo of a delay, a lag and limits,
+named or not, is their `Departure`: flights are replayed with it, so that the
+aerodynamics are traced along the measured elevator.
 """
 
 import dataclasses
@@ -73,8 +78,13 @@ def identify_servo(
 ) -> tuple[Campaign, tuple[str, ...]]:
     """Compares the measured elevators of a campaign with its servo.
 
-    Signs must be right. Returns the campaign with the limits that the servo shows and
-    with the departures of elevators from it, and a sentence for each.
+    Args:
+        campaign: its flights; the signs of elevators and commands must be right.
+        masks: rows that are excluded, by the flights' names.
+
+    Returns:
+        The campaign with the limits that the servo shows and with the departures of
+        elevators from it, and a sentence for each of the two that changed.
     """
     log = campaign.servo
     if log.angle != "measured" or log.command == "reconstructed":
@@ -83,22 +93,27 @@ def identify_servo(
     specified = LateServo(*campaign.limits)
     if not elevators or Fit(servo=specified, elevators=elevators).explains:
         return campaign, ()
+
     plain = fit_servo(elevators, specified, log.command_std)
     found = _find_cause(campaign, masks, plain)
-    told: tuple[str, ...] = ()
-    if found.free and {*found.free} <= {*Servo._fields}:
-        campaign, told = _with_limits(campaign, found.servo.limits)
+    told = []
+    if found.free in _LIMITS:
+        campaign, sentence = _with_limits(campaign, found.servo.limits)
+        told.append(sentence)
         plain = found
         if found.explains:
-            return campaign, told
+            return campaign, (sentence,)
     elif plain.explains and not found.cause:
         return campaign, ()  # A delay and a lag are effects to be traced.
-    if found.servo == found.servo.even:  # A few flights may be odd, or lose commands.
+
+    # A few flights may be odd, or lose commands: the others follow a plain servo.
+    if found.servo == found.servo.even:
         places = range(len(elevators))
         odd = [place for place in places if not plain.on([place]).explains]
         others = [place for place in places if place not in odd]
         if odd and others and plain.on(others).explains:
-            plain, found = plain.on(odd), found.on(odd)
+            plain = plain.on(odd)
+            found = found.on(odd)
     changed, sentence = _with_departures(campaign, plain, found)
     return changed, (*told, sentence)
 
@@ -108,12 +123,11 @@ def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> fl
     elevators = _measure(campaign, masks)
     if not elevators:
         return 0.0
-    specified = LateServo(*campaign.limits)
-    return Fit(servo=specified, elevators=elevators).departures.noise
+    return Fit(servo=LateServo(*campaign.limits), elevators=elevators).departures.noise
 
 
 def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
-    """Elevators of flights with enough rows, behind commands by their clock."""
+    """Returns the elevators of flights with enough rows."""
     elevators = measure_elevators(campaign, masks)
     return [each for each in elevators if len(each.rows) >= _FEWEST_ROWS]
 
@@ -121,38 +135,54 @@ def _measure(campaign: Campaign, masks: Mapping[str, Masks]) -> list[Elevator]:
 def _find_cause(campaign: Campaign, masks: Mapping[str, Masks], plain: Fit) -> Fit:
     """Finds what explains most of the departures from a plain servo.
 
-    It is the plain servo where nothing does.
+    Returns the fit of that form, with its cause in words; one with other limits, which
+    has none; or the plain one where nothing explains them.
     """
     command_std = campaign.servo.command_std
     even = plain
     if not plain.explains:
-        limited = []
-        for free in _LIMITS:
-            limited.append(fit_servo(plain.elevators, plain.servo, command_std, free))
-            if limited[-1].explains:
-                break
-        even = _better(plain, limited[-1:] if limited[-1].explains else limited)
+        even = _fit_limits(plain, command_std)
     loaded = with_loads(campaign, masks, plain.elevators)
     causes = []
     for form in _UNEVEN:
         fit = fit_servo(loaded, plain.servo, command_std, form)
         if abs(getattr(fit.servo, form[-1])) > _SURELY * fit.std:
             causes.append(dataclasses.replace(fit, cause=_describe(fit)))
+
     if not any(fit.explains for fit in (even, *causes)):
         causes += [restore_lost(plain, command_std), find_step(plain, command_std)]
     return _better(even, causes)
 
 
+def _fit_limits(plain: Fit, command_std: float) -> Fit:
+    """Fits limits of its own to a servo; returns the plain one if they say little.
+
+    They are the first of _LIMITS that leave but noise, or the likeliest.
+    """
+    limited = []
+    for free in _LIMITS:
+        fit = fit_servo(plain.elevators, plain.servo, command_std, free)
+        if fit.explains:
+            return _better(plain, [fit])
+        limited.append(fit)
+    return _better(plain, limited)
+
+
 def _better(before: Fit, others: Sequence[Fit]) -> Fit:
-    """The likeliest of others, if it explains most of what the one before leaves."""
+    """Returns the likeliest of others, or the fit before if that one is as good.
+
+    The other must be clearly likelier, and leave less than a share of _MOSTLY of the
+    departures' evidence, or no more than noise.
+    """
     best = max(others, key=lambda fit: fit.likelihood, default=before)
+    if not best.likelihood - before.likelihood > LEAST_EVIDENCE:
+        return before
     most = max(_MOSTLY * before.departures.evidence, LEAST_EVIDENCE)
-    gain = best.likelihood - before.likelihood
-    return best if gain > LEAST_EVIDENCE and best.departures.evidence < most else before
+    return best if best.departures.evidence < most else before
 
 
 def _describe(fit: Fit) -> str:
-    """Says how a servo is not even."""
+    """Says how a servo is not even, in the words of _UNEVEN; lags in ms."""
     servo = fit.servo
     value = getattr(servo, fit.free[-1])
     lag = 1e3 * servo.lag
@@ -173,78 +203,116 @@ def _describe(fit: Fit) -> str:
 
 
 def _logged_step(fit: Fit) -> float:
-    """Step that logged commands are rounded to [rad/s]; 0 where it explains nothing."""
-    commands = np.concatenate([each.tape.commands for each in fit.elevators])
-    levels = np.unique(np.abs(commands))
+    """Returns the step that logged commands are rounded to [rad/s].
+
+    It is 0 where they are not multiples of one, or of one too fine to explain anything.
+    """
+    levels = np.unique(np.abs(fit.commands))
     if len(levels) < _FEWEST_LEVELS:
         return 0.0
-    step = float(np.min(np.diff(levels)))
-    off = np.abs(levels / step - np.round(levels / step))
-    return step if np.max(off) < 0.01 and step > least_step(fit) else 0.0
+    step = float(np.diff(levels).min())
+    multiples = levels / step
+    off = np.abs(multiples - np.round(multiples))
+    if off.max() < 0.01 and step > least_step(fit):
+        return step
+    return 0.0
 
 
-def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, tuple[str, ...]]:
-    """Returns the campaign with other limits of the servo, and how they differ."""
+def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, str]:
+    """Returns the campaign with other limits of the servo, and how they differ.
+
+    A stop beyond MAX_ANGLE is set to that, as a campaign has both stops or none.
+    """
     words = (
         "The servo stops at {:.3g} and {:.3g} rad and turns by {:.3g} rad/s at most, "
         "where 'elevator_limits' and 'elevator_rate_limit' say {:.3g}, {:.3g} and "
         "{:.3g}: its own limits are used."
     ).format(*servo, *campaign.limits)
-    low, high = np.clip(servo[:2], -MAX_ANGLE, MAX_ANGLE).tolist()
-    stops = (low, high) if np.isfinite(servo[:2]).any() else None
+    stops = None
+    if np.isfinite(servo[:2]).any():
+        low, high = np.clip(servo[:2], -MAX_ANGLE, MAX_ANGLE).tolist()
+        stops = low, high
     changed = dataclasses.replace(
         campaign,
         elevator_limits=stops,
         elevator_rate_limit=servo.rate if math.isfinite(servo.rate) else None,
     )
-    return changed, (words,)
+    return changed, words
 
 
 def _with_departures(
     campaign: Campaign, plain: Fit, uneven: Fit
 ) -> tuple[Campaign, str]:
-    """Returns the campaign with its elevators' departures from a plain servo.
+    """Returns the campaign with its elevators' departures, and a sentence on them.
 
-    Without a cause, an uneven servo is the same.
+    Args:
+        campaign: its flights; those without an elevator in the fits depart from
+            nothing.
+        plain: a servo of a delay, a lag and limits, of some flights.
+        uneven: the form that explains the departures, of the same flights; without a
+            cause, the plain servo.
     """
-    servo = plain.servo
-    cause = uneven.cause
-    if cause and uneven.free not in _LAGGING:
-        servo = LateServo(*servo.limits, *uneven.servo[3:5])
-    found = uneven.departures
     times = {flight.name: flight.time for flight in campaign.flights}
-    departures = {}
-    shares = []
-    for told, each in zip(plain.elevators, uneven.elevators, strict=True):
-        time = times[each.name]
-        rest, expected = follow_from_rest(each, uneven.servo)
-        known = np.clip(time, each.seen[0], each.seen[-1])
-        smoothed = smoothing_maps(each.seen, known, found.ratio, ORDER)[0]
-        shares.append(np.mean(np.max(smoothed, axis=1)))
-        curve = (
-            smoothed @ (each.angle - expected)
-            + each.follow(time, uneven.servo, rest)
-            - told.follow(time, servo, rest)
-        )
-        departures[each.name] = Departure(curve, rest, 0.0, bool(cause))
-    std = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0) * found.noise
+    departures = _calc_departures(times, plain, uneven)
     flights = []
     for flight in campaign.flights:
         own = departures.get(flight.name)
-        own = own and own._replace(std=std)
         flights.append(dataclasses.replace(flight, departure=own))
+
+    # Why elevators depart from the plain servo, by how much, and where most.
+    cause = uneven.cause
+    if not cause:
+        step = _logged_step(plain)
+        if step > 0.0:
+            cause = f"has a log that rounds commands, in steps of {step:.3g} rad/s"
+    beginning = ""
+    ending = _UNKNOWN
+    if cause:
+        beginning = f"The servo {cause}. "
+        ending = "."
     sizes = {name: np.abs(own.angle) for name, own in departures.items()}
-    worst = max(sizes, key=lambda name: float(np.max(sizes[name])))
-    row = np.argmax(sizes[worst])
-    rms = math.sqrt(np.mean([np.var(own.angle) for own in departures.values()]))
-    if step := 0.0 if cause else _logged_step(plain):
-        cause = f"has a log that rounds commands, in steps of {step:.3g} rad/s"
-    beginning = f"The servo {cause}. " if cause else ""
-    ending = "." if cause else _UNKNOWN
+    worst = max(sizes, key=lambda name: sizes[name].max())
+    row = sizes[worst].argmax()
+    rms = math.sqrt(np.mean([own.angle.var() for own in departures.values()]))
     sentence = (
         f"{beginning}The elevator departs from its commands by {1e3 * rms:.2g} mrad "
-        f"(RMS; its noise is {1e3 * found.noise:.2g}), in {worst} by "
+        f"(RMS; its noise is {1e3 * uneven.departures.noise:.2g}), in {worst} by "
         f"{sizes[worst][row]:.2g} rad at {times[worst][row]:.3g} s{ending} "
         "Flights are replayed along the measured elevator."
     )
     return dataclasses.replace(campaign, flights=tuple(flights)), sentence
+
+
+def _calc_departures(
+    times: Mapping[str, np.ndarray], plain: Fit, uneven: Fit
+) -> dict[str, Departure]:
+    """Returns how each elevator departs from a plain servo, by the flight's name.
+
+    That is the path of the uneven servo, and what smoothing finds beside it, less the
+    path of the plain one. `times` are those (n,) of all rows of each flight [s].
+    """
+    servo = plain.servo
+    is_named = bool(uneven.cause)
+    if is_named and uneven.free not in _LAGGING:
+        servo = LateServo(*servo.limits, uneven.servo.delay, uneven.servo.lag)
+    found = uneven.departures
+    paths = {}
+    shares = []
+    for told, each in zip(plain.elevators, uneven.elevators, strict=True):
+        time = times[each.name]
+        rest, expected = follow_from_rest(each, uneven.servo)
+        # Beyond the measured angles the departure stays as it is.
+        known = np.clip(time, each.seen[0], each.seen[-1])
+        smooth = smoothing_maps(each.seen, known, found.ratio, ORDER)[0]
+        curve = smooth @ (each.angle - expected)
+        curve += each.follow(time, uneven.servo, rest)
+        curve -= told.follow(time, servo, rest)
+        paths[each.name] = curve, rest
+        # The weight of a row on its own value is the share of its noise that is left.
+        shares.append(smooth.max(axis=1).mean())
+
+    std = min(_ERROR_SCALE * math.sqrt(np.mean(shares)), 1.0) * found.noise
+    return {
+        name: Departure(curve, rest, std, is_named)
+        for name, (curve, rest) in paths.items()
+    }

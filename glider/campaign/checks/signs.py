@@ -32,7 +32,7 @@ from glider.campaign.checks.servo import (
     follow_sign,
     measure_elevators,
 )
-from glider.campaign.checks.servo_forms import check_travel
+from glider.campaign.checks.travel import check_travel
 from glider.campaign.logs import Campaign
 
 _MIN_FLIGHTS = 3  # One alone may fit any angle in place of its pitch.

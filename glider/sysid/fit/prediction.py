@@ -1,12 +1,15 @@
 """Prediction of flights that a model has not seen, and its errors.
 
 The launch state of each flight is estimated from its beginning, and from the measured
-elevator of the whole flight; then the model flies on alone to the end.
+elevator of the whole flight (`find_launch`); then the model flies on alone to the end,
+once freely, and once along the measured pitch with its forces alone (`predict`). Errors
+are over the rows that were seen (`mean_squares`, `errors_from`).
 """
 
 import dataclasses
 import functools
 from collections.abc import Iterable, Sequence
+from itertools import compress
 
 import numpy as np
 from scipy.optimize import leastsq
@@ -39,17 +42,24 @@ _SMALL = 1e-5  # Step of a derivative by a launch's place and velocity, relative
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class RolloutModel:
-    """A model that flies logs again."""
+    """A model that flies logs again.
 
-    theta: np.ndarray  #: Its parameters and coefficients.
-    gaussians: Gaussians  #: Of its free functions.
-    scales: Scales  #: Of errors over flights and, see `on`, along rollouts.
-    per_flight_trims: bool  #: Whether the elevator's angle is another in each flight.
+    Attributes:
+        theta: its parameters and coefficients.
+        gaussians: of its free functions.
+        scales: of errors over flights and, see `on`, along rollouts.
+        per_flight_trims: whether the elevator's angle is another in each flight.
+    """
+
+    theta: np.ndarray
+    gaussians: Gaussians
+    scales: Scales
+    per_flight_trims: bool
 
     def of_launch(self, record: Record) -> np.ndarray:
-        """Which measurements (n, C) a launch is fitted to.
+        """Returns which measurements (n, 4) a launch is fitted to.
 
-        The pose of the first rows; the elevator of all, as an input.
+        They are the pose of the first rows and, as an input, the elevator of all.
         """
         seen = record.seen.copy()
         rows = beginning_rows(record.time, self.per_flight_trims)
@@ -69,18 +79,24 @@ class RolloutModel:
             flights.append(linearize(begun, self.theta, self.gaussians))
 
         costs = negative_log_likelihood(flights, scales)
-        flown = [f for f, cost in zip(flights, costs, strict=True) if np.isfinite(cost)]
+        flown = list(compress(flights, np.isfinite(costs)))
         scales, _ = fit_scales(flown, scales, _OF_ROLLOUTS, iterations=20)
         return dataclasses.replace(self, scales=scales)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """Flight of a model, predicted from the beginning of a logged one."""
+    """Flight of a model, predicted from the beginning of a logged one.
 
-    pose: np.ndarray  #: (n, 3) of the free rollout, as the sensors would show it.
-    translated: np.ndarray  #: (n, 2) x and z by forces along the measured pitch.
-    trim: float  #: Elevator trim of the flight, found on the beginning [rad].
+    Attributes:
+        pose: (n, 3) of the free rollout, as the sensors would show it.
+        translated: (n, 2) x and z by the forces along the measured pitch [m].
+        trim: elevator trim of the flight, found on the beginning [rad].
+    """
+
+    pose: np.ndarray
+    translated: np.ndarray
+    trim: float
 
 
 def flown_by(task: Task, model: FitResult, scales: Scales) -> RolloutModel:
@@ -104,9 +120,14 @@ def near_median(values: np.ndarray) -> np.ndarray:
 
 
 def beginning_rows(time: np.ndarray, per_flight_trims: bool) -> int:
-    """Number of rows at some times that a launch is fitted on; twice for a trim too.
+    """Returns the number of rows that a launch is fitted on.
 
-    At least as many as a launch has states.
+    They are a share of the flight, twice as large if a trim is fitted too, and at least
+    as many as a launch has states.
+
+    Args:
+        time: (n,) of the rows, from zero [s].
+        per_flight_trims: whether a trim is fitted too.
     """
     share = BEGINNING * (1 + per_flight_trims)
     rows = int(np.searchsorted(time, share * time[-1]))
@@ -115,10 +136,11 @@ def beginning_rows(time: np.ndarray, per_flight_trims: bool) -> int:
 
 @functools.lru_cache(_LAUNCHES)
 def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surroundings]:
-    """Returns the likeliest state (n,) and constants, by a flight's first rows.
+    """Returns the likeliest launch state (num_states,), and the flight's constants.
 
-    An elevator that began elsewhere than its first row shows is moved there before its
-    path is replayed: at a stop it forgets where it began.
+    They are those of a Kalman smoother over the flight's beginning. An elevator that
+    began elsewhere than its first row shows is moved there before its path is replayed,
+    once: at a stop it forgets where it began.
     """
     beginning = dataclasses.replace(record, seen=model.of_launch(record))
     about = STILL_AIR
@@ -127,9 +149,11 @@ def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surrou
         launch = flight.nodes[0].copy()
         n = len(flight.states)
         own = smooth(flight, model.scales).start
-        if not np.all(np.isfinite(own)):  # It diverges: it starts as measured.
+        if not np.isfinite(own).all():  # It diverges: it starts as measured.
             return launch, about
         launch[flight.states] += flight.start[:n, -1] + own[:n]
+
+        # The elevator's offset at launch is where its path begins.
         rest = beginning.rest + launch[OFFSET]
         beginning = dataclasses.replace(beginning, rest=rest)
         launch[OFFSET] = rest - record.rest
@@ -139,51 +163,59 @@ def find_launch(model: RolloutModel, record: Record) -> tuple[np.ndarray, Surrou
 
 
 def predict(model: RolloutModel, record: Record) -> Prediction:
-    """Predicts one flight from its beginning."""
-    rows = beginning_rows(record.time, model.per_flight_trims)
+    """Predicts one flight from its beginning.
+
+    The second prediction, along the measured pitch, has the measured launch, whose
+    place and velocity are fitted to the beginning again.
+    """
     found, about = find_launch(model, record)
     launch = found.copy()
     record = dataclasses.replace(record, rest=record.rest + launch[OFFSET])
     launch[OFFSET] = 0.0
-    space, (*_, trim, pitch_zero) = record.space, about.constants
+    *_, trim, pitch_zero = about.constants
     path, dynamics = path_of(record, model.theta, about)
-    kinds = space.flown
-    zero = np.array([0.0, 0.0, pitch_zero])
-    states = roll_out(kinds, path, launch, dynamics, model.gaussians)
+    space = record.space
 
-    # Along the measured pitch, which the model's sensors read otherwise.
+    def fly(start: np.ndarray, along: LogPath) -> np.ndarray:
+        """Returns the poses (n, 3) of a rollout, as the sensors would show them."""
+        states = roll_out(space.flown, along, start, dynamics, model.gaussians)
+        return sensed(space, states, model.theta, model.gaussians)
+
+    pose = fly(launch, path)
+    pose[:, 2] += pitch_zero
+
+    # The true pitch and rate are those that the sensors would show as measured.
     nodes = true_nodes(record, model.theta, model.gaussians)
-    turned = (nodes - record.nodes)[:, [2, 6]] - zero[[2, 0]]
-    middle = 0.5 * (turned[1:] + turned[:-1])
-    pitch = record.pitch + np.stack([turned[:-1], middle, turned[1:]], axis=1)
-    guided = path._replace(pitch=np.ascontiguousarray(pitch))
+    apart = (nodes - record.nodes)[:, [2, 6]] - [pitch_zero, 0.0]
+    begin = apart[:-1]
+    end = apart[1:]
+    turned = record.pitch + np.stack([begin, 0.5 * (end + begin), end], axis=1)
+    guided = path._replace(pitch=np.ascontiguousarray(turned))
     start = nodes[0].copy()
-    start[OFFSET], start[NUM_STATES:] = launch[OFFSET], launch[NUM_STATES:]
+    start[OFFSET] = 0.0
+    start[NUM_STATES:] = launch[NUM_STATES:]
 
     def places(change: np.ndarray, along: LogPath) -> np.ndarray:
         state = start.copy()
         state[[0, 1, 4, 5]] += change
-        moved = roll_out(kinds, along, state, dynamics, model.gaussians)
-        return sensed(space, moved, model.theta, model.gaussians)[:, :2]
+        return fly(state, along)[:, :2]
 
+    rows = beginning_rows(record.time, model.per_flight_trims)
     seen = record.seen[:rows, :2]
     beginning = guided.first(rows)
 
     def missed(change: np.ndarray) -> np.ndarray:
         return (record.pose[:rows, :2] - places(change, beginning))[seen]
 
-    # The place and the velocity of its launch are fitted again.
     change = np.zeros(4)
-    if np.all(np.isfinite(missed(change))):
+    if np.isfinite(missed(change)).all():
         change, _ = leastsq(missed, change, epsfcn=_SMALL**2)
-
-    pose = sensed(space, states, model.theta, model.gaussians) + zero
     along = places(change, guided)
     return Prediction(pose=pose, translated=along, trim=float(trim))
 
 
 def which_count(squares: Iterable[np.ndarray]) -> np.ndarray:
-    """Returns which flights (F,) count, by `mean_squares` of models.
+    """Returns which flights (F,) count, by `mean_squares` (F, 4) of several models.
 
     One on which every model diverges compares none with another: it counts only if all
     are such.
@@ -193,42 +225,53 @@ def which_count(squares: Iterable[np.ndarray]) -> np.ndarray:
 
 
 def rows_of(records: Sequence[Record]) -> np.ndarray:
-    """Number of rows that were seen of each flight, (F,)."""
+    """Returns the number of rows that were seen of each flight, (F,)."""
     return np.array([np.count_nonzero(record.seen[:, 0]) for record in records])
 
 
 def rms(accelerations: np.ndarray) -> EquationErrors:
-    """Root mean squares of (N, 3), as the columns of `ResidualTable.residual`."""
-    return EquationErrors(*np.sqrt(np.mean(accelerations**2, axis=0)).tolist())
+    """Returns the root mean squares of errors (N, 3) of accelerations.
+
+    The columns are those of `ResidualTable.residual`.
+    """
+    return EquationErrors(*np.sqrt((accelerations**2).mean(axis=0)).tolist())
 
 
 def errors_from(
     squares: np.ndarray, rows: np.ndarray, equation: EquationErrors
 ) -> Errors:
-    """Returns errors by `mean_squares` (F, 4, R) of flights of so many rows (F,).
+    """Returns the errors on flights: RMS over all rows, at the end mean over flights.
 
-    Each drawn R times; errors of accelerations are given.
+    Args:
+        squares: (F, 4, R) `mean_squares` of the flights, each drawn R times.
+        rows: (F,) number of rows that were seen of each.
+        equation: errors of accelerations.
     """
     means = np.average(squares.mean(axis=2), axis=0, weights=rows)
     free, along, pitch, _ = np.sqrt(means).tolist()
-    end = float(np.mean(np.sqrt(squares[:, 3])))
+    end = float(np.sqrt(squares[:, 3]).mean())
     return Errors(equation, RolloutErrors(free, end, pitch), PathErrors(along))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
 def mean_squares(records: Sequence[Record], flown: Sequence[Prediction]) -> np.ndarray:
-    """Computes mean squared errors of predictions over the rows that were seen, (F, 4).
+    """Returns mean squared errors of predictions over the rows that were seen, (F, 4).
 
-    Of the position, free and along the measured pitch [m²], of the pitch [rad²], and of
-    the position at the end [m²].
+    They are of the position, free and along the measured pitch [m²], of the pitch
+    [rad²], and of the position at the end [m²].
+
+    Args:
+        records: the flights.
+        flown: their predictions.
     """
     found = []
     for record, predicted in zip(records, flown, strict=True):
         seen = record.seen[:, 0]
         error = (record.pose - predicted.pose)[seen]
         free = np.sum(error[:, :2] ** 2, axis=1)
-        along = np.sum((record.pose[:, :2] - predicted.translated)[seen] ** 2, axis=1)
-        pitch = np.mean(error[:, 2] ** 2)
-        found.append([free.mean(), along.mean(), pitch, free[-1]])
+        pitch = error[:, 2] ** 2
+        error = (record.pose[:, :2] - predicted.translated)[seen]
+        along = np.sum(error**2, axis=1)
+        found.append([free.mean(), along.mean(), pitch.mean(), free[-1]])
 
     return np.reshape(found, (-1, 4))

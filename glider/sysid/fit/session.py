@@ -34,9 +34,8 @@ from glider.sysid.search.tracing import without_late
 
 # Probability of a change in a session without one (c); each of two tests has half.
 _LEVEL = 0.001
-_PERMUTATIONS = (
-    round(2.0 / _LEVEL) - 1
-)  # If none gains as much, p is half of the level.
+# If none gains as much, p is half of the level.
+_PERMUTATIONS = round(2.0 / _LEVEL) - 1
 _LEAST_SIDE = 2  # Flights on either side of a break: one alone is an outlier.
 _FEWEST = 5  # Flights whose scatter about two means says anything.
 
@@ -53,12 +52,14 @@ def find_change(
         session: the task on all flights; the numbers in their names have the order.
         model: that was fitted to them.
         rng: for permutations of the flights.
+
+    Returns:
+        The change; None where there is none, or too few flights to show one.
     """
     if len(session.records) < _FEWEST:
         return None
-    model = dataclasses.replace(
-        model, scales=_scales_from_flight_to_flight(session, model)
-    )
+    scales = _scales_from_flight_to_flight(session, model)
+    model = dataclasses.replace(model, scales=scales)
     formulas = without_late(session, model.kinds)
     flights = LinearFlights(formulas.offering(formulas.kinds), model)
     share, prior = flights.candidates.nothing()
@@ -79,6 +80,7 @@ def _scales_from_flight_to_flight(session: Task, model: FitResult) -> Scales:
     flights = error_flights(session, model)
     flights.sort(key=lambda flight: by_number(flight.record.name))
     steps = np.diff(flight_values(flights, scales), axis=0)
+
     # A flight on which the model diverges has no values.
     usual = np.sqrt(0.5 * np.nanmean(steps**2, axis=0))
     wind_x, wind_z, trim, pitch_zero = np.fmin(usual, scales.of_flights)
@@ -107,6 +109,9 @@ def change_of(
         grams: (n, M + 1, M + 1) of the flights.
         prior: of the columns' changes.
         rng: for the permutations.
+
+    Returns:
+        The change; None where it may be by chance, or is too small to report.
     """
     count = len(grams)
     columns = _columns_of(candidates, grams)
@@ -116,48 +121,60 @@ def change_of(
     for kind in candidates.model.kinds:
         [acting] = candidates.variants[kind]
         beta += acting
+
+    # The terms of the formulas: L⁻¹ (b, b), z (b,) and, of each flight and coefficient,
+    # L⁻¹ G[β, δ] (n, b, m), G[δ, error] and G[δ, δ] (n, m).
     known = grams.sum(axis=0)
     information = known[np.ix_(beta, beta)] + np.diag(prior.precision[beta])
-    # The terms of the formulas: L⁻¹, z and, of each flight and coefficient, L⁻¹ G[β, δ]
-    # (n, b, m), G[δ, error] and G[δ, δ] (n, m).
     inverse_root = np.linalg.inv(np.linalg.cholesky(information))
     z = inverse_root @ known[beta, -1]
     beta_delta = inverse_root @ grams[:, beta][:, :, columns]
     delta_error = grams[:, columns, -1]
     delta_delta = grams[:, columns, columns]
-    # Shares (k, n) of the flights in each change, by their order.
-    # Row k is of the break at flight k; the first and last leave too few on a side.
+
+    # Shares (k, n) of the flights in each change, by their order. Row i of the triangle
+    # is the break at flight i; the first and last leave too few on a side.
     breaks = np.triu(np.ones((count, count)))[_LEAST_SIDE : count - _LEAST_SIDE + 1]
     shares = np.vstack([breaks, np.linspace(-0.5, 0.5, count)])
     slots = [candidates.slots[j] for j in columns]
     least = LEAST_SPREAD * candidates.task.space.scale[slots]
 
     def changes(order: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """All changes (k, m) with the flights in an order, the drift last.
+        """Returns all changes (k, m) with the flights in an order, the drift last.
 
-        Their gains, zero where one is too small to report, sizes and standard errors.
+        Their gains [nats], zero where one is too small to report, sizes and standard
+        errors. In the formulas `mixed` is M, `slope` n and `curvature` c.
         """
-        mixed = np.tensordot(shares, beta_delta[order], 1)
-        slope = shares @ delta_error[order] - np.einsum("kbm,b->km", mixed, z)
-        curvature = shares**2 @ delta_delta[order] + prior.precision[columns]
-        curvature = np.maximum(curvature - np.sum(mixed**2, axis=1), 1e-12)
+        mixed = np.tensordot(shares, beta_delta[order], 1)  # (k, b, m)
+        slope = shares @ delta_error[order]
+        slope -= np.einsum("kbm,b->km", mixed, z)
+
+        curvature = shares**2 @ delta_delta[order]
+        curvature += prior.precision[columns]
+        curvature -= (mixed**2).sum(axis=1)
+        curvature = np.maximum(curvature, 1e-12)
+
         sizes = slope / curvature
-        gains = np.where(np.abs(sizes) < least, 0.0, 0.5 * slope * sizes)
+        gains = 0.5 * slope * sizes
+        gains[np.abs(sizes) < least] = 0.0
         return gains, sizes, curvature**-0.5
 
     names = [record.name for record in candidates.task.records]
     order = np.array(sorted(range(count), key=lambda i: by_number(names[i])))
     gains, sizes, stds = changes(order)
-    row, column = divmod(int(np.argmax(gains)), len(columns))
-    if gains[row, column] == 0.0:
+    row, column = divmod(int(gains.argmax()), len(columns))
+    gain = gains[row, column]
+    if gain == 0.0:
         return None
+
     # Is it chance? By the scatter of the values, or else by permutations.
     weights = delta_delta[order, column]
     values = delta_error[order, column] / np.maximum(weights, 1e-300)
-    if _chance_of_slope(values, weights, shares[row]) * gains.size > 0.5 * _LEVEL:
+    chance = _chance_of_slope(values, weights, shares[row]) * gains.size
+    if chance > 0.5 * _LEVEL:
         for _ in range(_PERMUTATIONS):
             others, *_ = changes(rng.permutation(count))
-            if others.max() >= gains[row, column]:
+            if others.max() >= gain:
                 return None
 
     coefficient = candidates.task.space.entries[slots[column]]
@@ -173,10 +190,16 @@ def change_of(
 
 
 def _columns_of(candidates: Candidates, grams: np.ndarray) -> list[int]:
-    """Columns of the sizes of formulas that show in a flight."""
+    """Returns the columns of the coefficients that may change.
+
+    They are those of the library's formulas, not of free functions; sizes, not shapes,
+    in which the flights are not linear; and they show in a flight, by its information
+    on them in the grams (n, M + 1, M + 1).
+    """
     space = candidates.task.space
-    formulas = candidates.variants.keys() & space.kinds.keys()
-    offered = {j for kind in formulas for own in candidates.variants[kind] for j in own}
+    offered: set[int] = set()
+    for kind in candidates.variants.keys() & space.kinds.keys():
+        offered.update(*candidates.variants[kind])
     sizes = [j for j in sorted(offered) if candidates.slots[j] not in space.shapes]
     return [j for j in sizes if np.any(grams[:, j, j] > 0.0)]
 
@@ -191,19 +214,22 @@ def are_at_one_end(some: Collection[str], names: Iterable[str]) -> bool:
     """Whether two flights or more are the first, or the last, of all by number."""
     ordered = sorted(names, key=by_number)
     count = len(some)
-    ends = {*ordered[:count]}, {*ordered[-count:]}
-    return _LEAST_SIDE <= count <= len(ordered) - _LEAST_SIDE and {*some} in ends
+    if not _LEAST_SIDE <= count <= len(ordered) - _LEAST_SIDE:
+        return False
+    return set(some) in (set(ordered[:count]), set(ordered[-count:]))
 
 
 def _chance_of_slope(
     values: np.ndarray, weights: np.ndarray, shares: np.ndarray
 ) -> float:
-    """Probability by chance of values (n,) that follow their shares (n,) as well.
+    """Returns the probability that values without a change follow their shares as well.
 
-    By Student's t of a weighted regression.
+    By Student's t of a regression of values (n,) on shares (n,) with weights (n,), from
+    its correlation r: t = |r| √((n - 2) / (1 - r²)).
     """
     (square, both), (_, spread) = np.cov(values, shares, ddof=0, aweights=weights)
     correlation = both / np.sqrt(max(square * spread, 1e-300))
+    unexplained = max(1.0 - correlation**2, 1e-300)
     freedom = len(values) - 2
-    t = abs(correlation) * np.sqrt(freedom / max(1.0 - correlation**2, 1e-300))
+    t = abs(correlation) * np.sqrt(freedom / unexplained)
     return 2.0 * float(stdtr(freedom, -t))

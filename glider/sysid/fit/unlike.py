@@ -1,7 +1,8 @@
 """The flights most unlike the others, predicted by models refitted without them.
 
-Flights that are held out at random are like those of the fit, but who plans with a
-model flies others. What it is worth there shows where the farthest are left out.
+Flights that are held out at random are like those of the fit, but a plan that is made
+with a model flies elsewhere. `find_unlike` finds the flights farthest from the others,
+by features of their variables, and `predict_unlike` the errors of models on them.
 """
 
 import math
@@ -31,34 +32,32 @@ _FEATURES = "{} at launch", "least {}", "median {}", "largest {}"
 def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
     """Finds which of at least three flights (F,) are unlike the others, and in what.
 
-    Features are compared over the deviation of their variable along all flights, on the
-    axis of them that flights differ most on. A FOLDS part of the flights, or half to
-    twice as many, is at one end of it: where the gap to the others is the widest.
+    Features are counted in the standard deviations of their variables along all
+    flights. On the principal axis of the features, on which flights differ most, the
+    flights are divided where the gap is widest (see `_find_end`).
+
+    Args:
+        table: the variables along all flights, F of them.
+
+    Returns:
+        (F,) which are unlike, and the feature whose medians differ most between them
+        and the others.
     """
-    count = len(table.names)
-    ends = np.flatnonzero(np.diff(table.flight)) + 1
     values = np.column_stack([table.variables[name] for name in FLOW_UNITS])
-    spreads = np.maximum(np.std(values, axis=0), 1e-12)  # A fixed elevator has none.
+    spreads = np.maximum(values.std(axis=0), 1e-12)  # A fixed elevator has none.
+    ends = np.flatnonzero(np.diff(table.flight)) + 1
     found = []
     for own in np.split(values / spreads, ends):
         middle = np.median(own, axis=0)
-        found.append(np.stack([own[0], own.min(axis=0), middle, own.max(axis=0)]))
+        found.append([own[0], own.min(axis=0), middle, own.max(axis=0)])
 
-    features = np.reshape(found, (count, -1))
+    features = np.reshape(found, (len(table.names), -1))
     *_, axes = np.linalg.svd(features - features.mean(axis=0), full_matrices=False)
-    # The widest gap near either end divides the flights.
-    along = features @ axes[0]
-    order = np.argsort(along)
-    gaps = np.diff(along[order])
-    part = count / FOLDS
-    sizes = np.arange(max(1, round(0.5 * part)), min(round(2.0 * part), count - 2) + 1)
-    first, last = gaps[sizes - 1], gaps[-sizes]
-    size = sizes[np.argmax(np.maximum(first, last))]
-    is_unlike = np.zeros(count, bool)
-    is_unlike[order[:size] if first.max() > last.max() else order[-size:]] = True
+    is_unlike = _find_end(features @ axes[0])
 
-    here, others = (np.median(features[own], axis=0) for own in (is_unlike, ~is_unlike))
-    most = int(np.argmax(np.abs(here - others)))
+    here = np.median(features[is_unlike], axis=0)
+    others = np.median(features[~is_unlike], axis=0)
+    most = int(np.abs(here - others).argmax())
     feature, column = divmod(most, len(spreads))
     variable = list(FLOW_UNITS)[column]
     return is_unlike, Difference(
@@ -69,6 +68,28 @@ def find_unlike(table: ResidualTable) -> tuple[np.ndarray, Difference]:
     )
 
 
+def _find_end(along: np.ndarray) -> np.ndarray:
+    """Returns which of some values (F,) are beyond the widest gap near either end.
+
+    They are one in FOLDS of the values, or half to twice as many.
+    """
+    count = len(along)
+    part = count / FOLDS
+    least = max(1, round(0.5 * part))
+    most = min(round(2.0 * part), count - 2)
+    sizes = np.arange(least, most + 1)
+
+    order = np.argsort(along)
+    gaps = np.diff(along[order])
+    after_first = gaps[sizes - 1]
+    before_last = gaps[-sizes]
+    size = sizes[np.maximum(after_first, before_last).argmax()]
+    chosen = order[-size:]
+    if after_first.max() > before_last.max():
+        chosen = order[:size]
+    return np.isin(np.arange(count), chosen)
+
+
 def predict_unlike(
     task: Task,
     models: Mapping[str, FitResult],
@@ -76,7 +97,7 @@ def predict_unlike(
     table: ResidualTable,
     perfect: PerfectModel,
 ) -> UnlikeFlights | None:
-    """Predicts the most unlike of a task's flights; None where there are too few.
+    """Predicts the most unlike of a task's flights by models refitted without them.
 
     Args:
         task: of all flights.
@@ -84,6 +105,10 @@ def predict_unlike(
         forces: the model of forces, where these are unknown.
         table: of all flights in the same order.
         perfect: the perfect model.
+
+    Returns:
+        The flights, what they differ in, and the errors on them without those of
+        accelerations; None where there are too few flights.
     """
     if len(task.records) < 3:
         return None
@@ -91,8 +116,9 @@ def predict_unlike(
     unlike = list(compress(task.records, is_unlike))
     others = task.on(list(compress(task.records, ~is_unlike)))
     scales = models["corrected"].scales
-    again = {name: refitted(others, own, forces) for name, own in models.items()}
-    flying = {name: flown_by(others, own, scales) for name, own in again.items()}
+    flying = {}
+    for name, model in models.items():
+        flying[name] = flown_by(others, refitted(others, model, forces), scales)
     nothing = EquationErrors(math.nan, math.nan, math.nan)
     found = compare(flying, unlike, perfect, dict.fromkeys((*flying, PERFECT), nothing))
     return UnlikeFlights(

@@ -11,7 +11,7 @@ from glider.campaign.checks.fall import _measure_fall, check_fall
 from glider.campaign.checks.forces import measure_motions
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.servo import measure_elevators
-from glider.campaign.checks.servo_forms import _calc_travel
+from glider.campaign.checks.travel import _calc_travel
 from glider.campaign.reader import load_campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS

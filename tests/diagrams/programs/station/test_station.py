@@ -23,7 +23,7 @@ from diagrams.programs.station.session import Session
 from diagrams.programs.station.throw_log import read_throw
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.servo import measure_elevators
-from glider.campaign.checks.servo_forms import _calc_travel
+from glider.campaign.checks.travel import _calc_travel
 from glider.campaign.motion_capture import MotionCapture
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import flight_csv
