@@ -235,12 +235,9 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
         InputError: the elevator or its commands do not move, their changes do not
             correlate at any delay, or only at one at which the elevator moves first.
     """
-    if not elevators:
+    if are_still(elevators):
         return
-    commanded = max(np.ptp(each.follow(each.time)) for each in elevators)
-    moved = max(np.ptp(each.angle) for each in elevators if len(each.angle))
-    if commanded < _MOVES and moved < _MOVES:
-        return
+    moved, commanded = _travels(elevators)
     if min(moved, commanded) < _MOVES:
         campaign.refuse(
             f"column 'elevator' moves by {moved:.2g} rad at most, and "
@@ -270,6 +267,20 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
             f"column 'elevator' moves {-delay:.3f} s before "
             "'elevator_rate_command'; expected both on the clock of 'time'."
         )
+
+
+def are_still(elevators: Sequence[Elevator]) -> bool:
+    """Whether elevators neither move nor are commanded to, and so show nothing."""
+    return max(_travels(elevators), default=0.0) < _MOVES
+
+
+def _travels(elevators: Sequence[Elevator]) -> tuple[float, ...]:
+    """Returns the largest travel of elevators, and of their commanded paths [rad]."""
+    if not elevators:
+        return ()
+    moved = max(np.ptp(each.angle) for each in elevators if len(each.angle))
+    commanded = max(np.ptp(each.follow(each.time)) for each in elevators)
+    return float(moved), float(commanded)
 
 
 def follow_sign(elevators: Sequence[Elevator]) -> int:

@@ -22,7 +22,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from glider.campaign.checks.masks import Masks
-from glider.campaign.checks.servo import Elevator, LateServo, measure_elevators
+from glider.campaign.checks.servo import (
+    Elevator,
+    LateServo,
+    are_still,
+    measure_elevators,
+)
 from glider.campaign.checks.servo_forms import (
     LEAST_EVIDENCE,
     ORDER,
@@ -91,7 +96,7 @@ def identify_servo(
         return campaign, ()
     elevators = _measure(campaign, masks)
     specified = LateServo(*campaign.limits)
-    if not elevators or Fit(servo=specified, elevators=elevators).explains:
+    if are_still(elevators) or Fit(servo=specified, elevators=elevators).explains:
         return campaign, ()
 
     plain = fit_servo(elevators, specified, log.command_std)

@@ -301,6 +301,20 @@ def test_one_odd_flight_leaves_the_others_alone(campaign):
     ]
 
 
+def test_an_elevator_that_is_never_commanded_shows_no_servo(campaign):
+    """It creeps by less than elevators move."""
+    flights = [
+        dataclasses.replace(
+            flight,
+            elevator=np.linspace(0.0, 0.02, len(flight.time)),
+            command=np.zeros(len(flight.time)),
+        )
+        for flight in campaign.flights
+    ]
+    still = dataclasses.replace(campaign, flights=tuple(flights))
+    assert identify_servo(still, {}) == (still, ())
+
+
 def test_angles_that_were_not_measured_show_no_servo(campaign):
     own, _ = moved(campaign, lose(campaign.limits))
     for log in ({"angle": "reconstructed"}, {"command": "reconstructed"}):
