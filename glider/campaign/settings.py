@@ -86,7 +86,14 @@ class Markers:
     right: Names | None = None
 
     def __post_init__(self):
-        """Raises InputError where one wing tip is missing."""
+        """Raises InputError where one wing tip is missing, or a point has no name."""
+        for point, names in vars(self).items():
+            expect(
+                names is None or len(names) > 0,
+                f"columns: attitude: field '{point}'",
+                names,
+                "the columns of a point",
+            )
         if (self.left is None) != (self.right is None):
             raise InputError(
                 "columns: attitude has one of 'left' and 'right'; expected both, or "
