@@ -77,12 +77,24 @@ def test_one_wing_tip_alone_is_refused(tmp_path):
         read_flights([], path)
 
 
+@pytest.mark.parametrize("names", ["''", "[]"])
+@pytest.mark.parametrize("point", ["nose", "tail", "left", "right"])
+def test_a_point_without_a_name_is_refused(tmp_path, point, names):
+    columns = dict.fromkeys(("nose", "tail", "left", "right"), "[x, y, z]")
+    columns[point] = names
+    fields = ", ".join(f"{name}: {own}" for name, own in columns.items())
+    path = tmp_path / "MAP.yaml"
+    path.write_text(f"columns: {{attitude: {{{fields}}}}}\n")
+    with pytest.raises(InputError, match=f"field '{point}' is .*; expected the column"):
+        read_flights([], path)
+
+
 def test_a_c3d_file_has_its_units_rates_and_channels(tmp_path):
     rows = np.arange(12.0)[:, None] * [1.0, 2.0, 3.0]
     file = c3d_of({"G": rows, "K": rows, "": rows, "H": rows}, rate=200.0)
     file["parameters"]["ANALOG"]["RATE"]["value"] = [400.0]
-    file["parameters"]["ANALOG"]["LABELS"]["value"] = ["servo"]
-    file["data"]["analogs"] = np.linspace(1.0, 2.0, 24)[None, None]
+    file["parameters"]["ANALOG"]["LABELS"]["value"] = ["servo", "Time"]
+    file["data"]["analogs"] = np.tile(np.linspace(1.0, 2.0, 24), (1, 2, 1))
     file.write(str(tmp_path / "a.c3d"))
     recording = read_recording(tmp_path / "a.c3d")
     x = values(recording, "G.Position.Z")
@@ -92,6 +104,8 @@ def test_a_c3d_file_has_its_units_rates_and_channels(tmp_path):
     servo, column = recording.find("ANALOG.servo", "test")
     assert np.allclose(np.diff(servo.columns["Time"].values), 0.0025)
     assert len(column.values) == 24 and column.values[-1] == pytest.approx(2.0)
+    _, named_as_times = recording.find("ANALOG.Time_2", "test")
+    assert np.array_equal(named_as_times.values, column.values)
 
 
 def test_a_c3d_file_without_a_rate_is_refused(tmp_path):

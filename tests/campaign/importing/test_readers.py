@@ -149,19 +149,20 @@ def test_vicon(tmp_path):
     assert values(table, "Lab:Glider.Rotation.Y").values[0] == 0.2
 
 
-def test_qtm(tmp_path):
+@pytest.mark.parametrize("body", ["glider", "my.glider"])
+def test_qtm(tmp_path, body):
     """A residual of -1 marks rows in which a body is not seen."""
     [flight] = foreign.flights(count=1).flights
     path = tmp_path / "take_6d.tsv"
-    path.write_text(foreign.qtm_text(flight))
+    path.write_text(foreign.qtm_text(flight).replace("glider", body))
     table = read_recording(path)
-    x = values(table, "glider.Position.X")
+    x = values(table, f"{body}.Position.X")
     assert x.unit == "mm" and np.flatnonzero(np.isnan(x.values)).tolist() == [30, 31]
-    turns = [values(table, f"glider.Rotation[{k}]").values for k in range(9)]
+    turns = [values(table, f"{body}.Rotation[{k}]").values for k in range(9)]
     seen = np.delete(np.arange(len(flight.time)), [30, 31])
     true = foreign.rotation(flight).as_matrix().reshape(-1, 9)
     assert np.allclose(np.stack(turns, axis=1)[seen], true[seen], atol=1e-8)
-    pitch = values(table, "glider.Pitch")
+    pitch = values(table, f"{body}.Pitch")
     assert pitch.unit == "deg" and np.isnan(pitch.values[30])
     assert np.allclose(pitch.values[seen], np.degrees(flight.pose[seen, 2]), atol=1e-6)
     time = values(table, "Time").values
@@ -176,9 +177,10 @@ def test_qtm_with_markers_and_without_times(tmp_path):
     table = read_recording(path)
     assert values(table, "b c.Position.Y").values.tolist() == [5.0, 8.0, 8.0]
     assert np.allclose(values(table, "Time").values, [0.0, 0.01, 0.02])
-    path.write_text(path.read_text().replace("100", "EXT"))
-    with pytest.raises(InputError, match="without times, or a FREQUENCY"):
-        read_recording(path)
+    for rate in ("\t100", "\tEXT"), ("\tEXT", ""):
+        path.write_text(path.read_text().replace(*rate))
+        with pytest.raises(InputError, match="without times, or a FREQUENCY"):
+            read_recording(path)
     for text in (head + numbers, "NO_OF_FRAMES\t3\nDATA_INCLUDED\t2D\n1\t2\n1\t2\n"):
         path.write_text(text)
         with pytest.raises(InputError, match="without 6D or 3D data, or the row"):

@@ -124,13 +124,13 @@ def _label(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Yields each point or channel with its label.
 
-    Its number is added to a label that one before it has, and to the name of the group
-    where it has no label: "Point_3".
+    Its number is added to a label that one before it has, or the column of times; and
+    to the name of the group where it has no label: "Point_3".
     """
     labels = [str(label).strip() for label in parameters.get(f"{group}:LABELS", [])]
     labels += [""] * len(items)
     for i, values in enumerate(items):
         label = labels[i]
-        if not label or label in labels[:i]:
+        if not label or label in (_TIME, *labels[:i]):
             label = f"{label or group.title()}_{i + 1}"
         yield label, values

@@ -207,11 +207,13 @@ def _parse_qtm(path: Path, rows: _Rows) -> Recording:
         raise _refuse(path, "QTM", "6D or 3D data, or the row of their names")
 
     owner = ""
+    owners = {}
     heads = []
     for cell in rows[first]:
         before, _, part = cell.rpartition(" ")
         owner = before or owner
         name = f"{owner}.{_QTM_PARTS.get(part, part)}" if owner else cell
+        owners[name] = owner
         heads.append((name, _QTM_UNITS.get(part)))
 
     columns = _make_columns(rows, first + 1, heads)
@@ -224,8 +226,7 @@ def _parse_qtm(path: Path, rows: _Rows) -> Recording:
 
     # A body was not seen in the rows in which its residual is -1.
     for name, column in columns.items():
-        body = name.partition(".")[0]
-        residual = columns.get(f"{body}.Residual")
+        residual = columns.get(f"{owners.get(name)}.Residual")
         if residual is not None and column is not residual:
             column.values[residual.values < 0.0] = np.nan
     return Recording(path, (table,), up="z")
