@@ -1,9 +1,9 @@
-"""What to change in a mapping that flights contradict: found by trying it.
+"""Advice on a mapping that its flights contradict: which changes of it would pass.
 
 One symptom has several causes: an elevator that seems to turn the glider the wrong way
-may have the wrong sign or the wrong clock. So changes of one entry of the mapping go
-through the import itself, and those that pass all its checks are advised, the ones
-with which forces and moments fit best.
+may have the wrong sign or the wrong clock. So the import is run again with one entry of
+the mapping changed, for each plausible change in turn. Of the changes that pass all
+checks those are advised with which forces and moments fit best.
 """
 
 import contextlib
@@ -29,10 +29,16 @@ _Import = Callable[[Sequence[Recording], ColumnMapping], Any]
 
 
 class _Passed(NamedTuple):
-    """A change that passes all checks; the likelier of two is the lesser."""
+    """A change that passes all checks; the likelier of two is the lesser.
+
+    Attributes:
+        warnings: number of warnings that the import gives with it.
+        misfit: of forces and moments with it, see `calc_misfit`.
+        words: the changed entry as the user would write it, e.g. "frame: {up: y}".
+    """
 
     warnings: int
-    misfit: float  #: Of forces and moments.
+    misfit: float
     words: str
 
 
@@ -42,25 +48,41 @@ def advise(
     claim: ColumnMapping,
     run: _Import,
 ) -> InputError:
-    """Adds to a refusal which changes of the mapping pass all checks, if any do."""
+    """Adds to a refusal which changes of the mapping pass all checks.
+
+    Two changes are named if the second fits about as well as the first.
+
+    Args:
+        error: the refusal of the mapping as it is.
+        recordings: the logs; changes are tried on the first few.
+        claim: the mapping that is refused.
+        run: the import, with all its checks.
+
+    Returns:
+        The error with advice; as it is where no change passes, or where the recordings
+        are too long to try a hundred changes on them.
+    """
     some = recordings[:_MOST_RECORDINGS]
-    longest = [max(group.rows for group in own.groups) for own in some]
-    if sum(longest) > _MOST_ROWS:
+    rows = [max(group.rows for group in recording.groups) for recording in some]
+    if sum(rows) > _MOST_ROWS:
         return error
+
     passed = []
     for part, value in _changes(claim, some[0]):
         with contextlib.suppress(InputError):
             result = run(some, _changed(claim, part, value))
-            own = yaml.safe_dump({part: value}, default_flow_style=True, width=999)
             misfit = round(calc_misfit(result.campaign), 6)
-            passed.append(_Passed(len(result.warnings), misfit, own.strip()[1:-1]))
-    # Of two changes with the same result, as `up` and `top`, the first is enough.
-    likely = {trial[:2]: trial for trial in sorted(passed, reverse=True)}
-    best = sorted(likely.values())[:2]
-    as_good = [t for t in best if t.misfit < _AS_GOOD * best[0].misfit]
-    words = " or ".join(f"'{trial.words}'" for trial in as_good)
-    if not words:
+            entry = yaml.safe_dump({part: value}, default_flow_style=True, width=999)
+            words = entry.strip()[1:-1]  # Without the outer braces.
+            passed.append(_Passed(len(result.warnings), misfit, words))
+
+    # Of several changes with the same result, as `up` and `top`, one is enough.
+    groups = itertools.groupby(sorted(passed), key=lambda change: change[:2])
+    best = [next(group) for _, group in groups][:2]
+    as_good = [own for own in best if own.misfit < _AS_GOOD * best[0].misfit]
+    if not as_good:
         return error
+    words = " or ".join(f"'{change.words}'" for change in as_good)
     return InputError(f"{str(error).rstrip('.')}; with {words} it passes all checks.")
 
 
@@ -68,33 +90,47 @@ def _changes(claim: ColumnMapping, log: Recording) -> Iterator[tuple[str, Any]]:
     """Yields changes of one entry of a mapping: its part, and the new fields."""
     columns = claim.columns
     yield "clock", "find"
-    angles = [name for name in columns if QUANTITIES.get(name) == "angle"]
-    for name in ("length", "time", "angle", "rate", *angles):
-        for unit in UNITS[QUANTITIES.get(name, name)]:
-            yield "units", {name: unit}
-    if "elevator_rate_command" in columns:
-        for unit in UNITS["angle"]:
+
+    # Each unit for all quantities of a kind, then for each angle alone.
+    for kind, units in UNITS.items():
+        for unit in units:
+            yield "units", {kind: unit}
+    for unit in UNITS["angle"]:
+        for name in columns:
+            if QUANTITIES.get(name) == "angle":
+                yield "units", {name: unit}
+        if "elevator_rate_command" in columns:
             both = {"elevator": unit, "elevator_rate_command": f"{unit}/s"}
             yield "units", both
-    signs = FRAME_CHOICES["elevator"][0]
-    frames = [{"elevator": e, "command": c} for e in signs for c in signs]
+
+    # Signs, axes, and readings of a rotation where one is logged.
+    signs, _ = FRAME_CHOICES["elevator"]
+    for elevator, command in itertools.product(signs, signs):
+        yield "frame", {"elevator": elevator, "command": command}
     for name in ("up", "forward", "pitch"):
-        frames += [{name: value} for value in FRAME_CHOICES[name][0]]
+        for value in FRAME_CHOICES[name][0]:
+            yield "frame", {name: value}
     if "attitude" in columns or "yaw" in columns:
-        axes = itertools.permutations(AXES, 2)
-        frames += [{"nose": nose, "top": top} for nose, top in axes]
-        frames += [{"rotation": order} for order in (*ORDERS, "wxyz", "xyzw")]
-    yield from (("frame", frame) for frame in frames)
+        for nose, top in itertools.permutations(AXES, 2):
+            yield "frame", {"nose": nose, "top": top}
+        for order in (*ORDERS, "wxyz", "xyzw"):
+            yield "frame", {"rotation": order}
+
+    # An unused column as the y that is not mapped; x and z exchanged.
     if "x" in columns and "y" not in columns:
-        others = {name for group in log.groups for name in group.columns}
-        unused = sorted(others.difference(map(str, columns.values())))
-        yield from (("columns", {"y": name}) for name in unused)
+        names = {name for group in log.groups for name in group.columns}
+        for name in sorted(names.difference(map(str, columns.values()))):
+            yield "columns", {"y": name}
     if {"x", "z"} <= columns.keys():
         yield "columns", {"x": columns["z"], "z": columns["x"]}
 
 
 def _changed(claim: ColumnMapping, part: str, value: Any) -> ColumnMapping:
-    """The mapping with a part changed; InputError where its fields exclude another."""
+    """Returns the mapping with a part changed.
+
+    Raises:
+        InputError: the new fields contradict others of the mapping.
+    """
     if part == "frame":
         value = dataclasses.replace(claim.frame, **value)
     elif part != "clock":

@@ -286,7 +286,7 @@ def cut_recordings(
         notes.append(why)
     tracks, warnings = join_clocks(tracks, flights, mapping)
     if jittering:
-        warnings += (jittering,)
+        warnings.append(jittering)
 
     cuts = []
     tables = []
@@ -301,7 +301,7 @@ def cut_recordings(
         cuts.append(_CutRecording(track.path, tuple(pieces), tuple(noted)))
 
     servo = max(servo_logs, key=lambda log: log.clock_std, default=settings.servo)
-    campaign = dataclasses.replace(settings, servo=servo, notes=warnings)
+    campaign = dataclasses.replace(settings, servo=servo, notes=tuple(warnings))
     if tables:
         names = [f"flight_{k:03d}.csv" for k in range(len(tables))]
         campaign = with_flights(campaign, tables, () if are_flights else names)
