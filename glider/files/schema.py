@@ -4,6 +4,7 @@ A schema is a dataclass, with annotated fields and defaults. What msgspec has ag
 a file becomes one sentence: file, field, what was found, what was expected.
 """
 
+import copy
 import dataclasses
 import difflib
 import json
@@ -105,7 +106,8 @@ def convert(data: object, schema: type[T], source: str) -> T:
     except msgspec.ValidationError as error:
         if isinstance(error.__cause__, InputError):
             raise InputError(f"{source}: {error.__cause__}") from None
-        raise InputError(_sentence(str(error), data, source)) from None
+        message = _with_key(str(error), data, schema)
+        raise InputError(_sentence(message, data, source)) from None
 
 
 def to_builtins(value: object) -> Any:
@@ -235,6 +237,27 @@ def _sentence(message: str, data: Any, source: str) -> str:
     return f"{source}: {place}{show(_at(data, path))}; {expected}."
 
 
+def _with_key(message: str, data: Any, schema: type) -> str:
+    """Returns msgspec's message with the key of a mapping where it says "[...]".
+
+    It is the key that alone in the mapping is refused likewise.
+    """
+    before, unknown, after = message.partition("[...]")
+    path = before.partition("`$")[2].lstrip(".")
+    mapping = _at(data, path) if unknown else {}
+    alone = copy.deepcopy(data)
+    kept = _at(alone, path)
+    for key, value in mapping.items():
+        kept.clear()
+        kept[key] = value
+        try:
+            msgspec.convert(alone, schema, dec_hook=_decode)
+        except msgspec.ValidationError as error:
+            if str(error) == message:
+                return f"{before}.{key}{after}"
+    return message
+
+
 def _named(types: re.Match) -> str:
     return " or ".join(_WORDS.get(t.strip(), t.strip()) for t in types[1].split("|"))
 
@@ -242,8 +265,8 @@ def _named(types: re.Match) -> str:
 def _at(data: Any, path: str) -> Any:
     """Returns what stands at a path such as vehicle.limits[0]; mappings as a whole."""
     for name, index in re.findall(r"([^.\[\]]+)|\[(\d+|\.{3})\]", path):
-        if name and isinstance(data, dict):
-            data = data.get(name)
+        if isinstance(data, dict) and name in data:
+            data = data[name]
         elif index.isdigit() and isinstance(data, list):
             data = data[int(index)]
         else:

@@ -43,6 +43,11 @@ class Report:
         ({"vehicle": {"mass": -1.0}}, "f.yaml: field 'mass' is -1; expected more"),
         ({"vehicle": 3}, "'vehicle' is 3; expected a mapping of fields."),
         ({"vehicle": {"limits": [1, "a"]}}, "'vehicle.limits[1]' is 'a'; expected"),
+        (
+            {"by_name": {"a": {}, "b": {"mass": "x"}}},
+            "'by_name.b.mass' is 'x'; expected",
+        ),
+        ({"by_name": {"a": {}, "b.c": 3}}, "'by_name.b.c' is"),
         ({"values": ["a"]}, "'values' is ['a']; expected a list of numbers."),
         ({"count": 1.5}, "'count' is 1.5; expected a whole number."),
         ({"name": None}, "'name' is None; expected text."),
