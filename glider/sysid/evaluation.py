@@ -75,6 +75,7 @@ def evaluate(
         fields of `Result`, and what each flight says that is held out once.
     """
     task = searched.task
+    everything = searched.everything
     traced = searched.traced
     corrected = traced.model
     fitted = {"refitted": baseline, "corrected": corrected}
@@ -85,7 +86,7 @@ def evaluate(
     models = {n: flown_by(task, m, corrected.scales) for n, m in fitted.items()}
     tests = _hold_out(searched, baseline, rng)
 
-    records = searched.everything.records
+    records = everything.records
     unseen = [record for record in records if record not in task.records]
     tables = {name: _table(model, unseen) for name, model in models.items()}
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
@@ -115,7 +116,7 @@ def evaluate(
         )
 
     after = _table(models["corrected"], records)
-    unlike = predict_unlike(searched.everything, fitted, traced.forces, after, perfect)
+    unlike = predict_unlike(everything, fitted, models, traced.forces, after, perfect)
     return {
         "flights": FlightNames(
             fit=tuple(record.name for record in task.records),

@@ -5,6 +5,7 @@ with a model flies elsewhere. `find_unlike` finds the flights farthest from the 
 by features of their variables, and `predict_unlike` the errors of models on them.
 """
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from itertools import compress
@@ -14,7 +15,7 @@ import numpy as np
 from glider.physics.effects.free_functions import FLOW_UNITS
 from glider.sysid.constants import FOLDS
 from glider.sysid.fit.floor import PerfectModel, compare
-from glider.sysid.fit.prediction import flown_by
+from glider.sysid.fit.prediction import RolloutModel
 from glider.sysid.likelihood.task import FitResult, Task
 from glider.sysid.result import (
     PERFECT,
@@ -93,6 +94,7 @@ def _find_end(along: np.ndarray) -> np.ndarray:
 def predict_unlike(
     task: Task,
     models: Mapping[str, FitResult],
+    flying: Mapping[str, RolloutModel],
     forces: FitResult | None,
     table: ResidualTable,
     perfect: PerfectModel,
@@ -101,7 +103,8 @@ def predict_unlike(
 
     Args:
         task: of all flights.
-        models: by name, "corrected" among them; coefficients are refitted.
+        models: by name; their coefficients are refitted.
+        flying: the same as they fly again, whose launches have the same noise.
         forces: the model of forces, where these are unknown.
         table: of all flights in the same order.
         perfect: the perfect model.
@@ -115,12 +118,14 @@ def predict_unlike(
     is_unlike, difference = find_unlike(table)
     unlike = list(compress(task.records, is_unlike))
     others = task.on(list(compress(task.records, ~is_unlike)))
-    scales = models["corrected"].scales
-    flying = {}
+    again = {}
     for name, model in models.items():
-        flying[name] = flown_by(others, refitted(others, model, forces), scales)
+        own = refitted(others, model, forces)
+        again[name] = dataclasses.replace(
+            flying[name], theta=own.theta, gaussians=own.gaussians
+        )
     nothing = EquationErrors(math.nan, math.nan, math.nan)
-    found = compare(flying, unlike, perfect, dict.fromkeys((*flying, PERFECT), nothing))
+    found = compare(again, unlike, perfect, dict.fromkeys((*again, PERFECT), nothing))
     return UnlikeFlights(
         flights=tuple(record.name for record in found.counted),
         difference=difference,

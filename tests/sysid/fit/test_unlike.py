@@ -86,7 +86,9 @@ def unlike_of(task, model):
     truth = model.scales.without_floors
     rng = np.random.default_rng(0)
     perfect = PerfectModel(truth=truth, pitch_ratio=1e-4, rng=rng)
-    return predict_unlike(task, {"corrected": model}, None, table, perfect)
+    models = {"corrected": model}
+    flying = {"corrected": flown_by(task, model, model.scales)}
+    return predict_unlike(task, models, flying, None, table, perfect)
 
 
 def test_what_only_few_flights_show_is_not_known_without_them():
