@@ -154,34 +154,26 @@ def _set_tangent(now, y, rate, wind_x, wind_z, theta, acting, basis, tangent):
             tangent[d, 1 + i] += slope
 
 
-def log_flown(path, elevator, rate, nodes, numbers, gaussians, tangents, first, ends):
-    """Flies each interval of a log by q models, each from its own nodes.
+def log_flown(path, nodes, numbers, gaussians, first):
+    """Flies each interval of a log from its own node.
 
     Args:
-        path: the LogPath; its elevator and rate are overwritten.
-        elevator, rate: (q, K, 3) and (q, K) of each model.
-        nodes: (q, K + 1, n); from the first interval's end on, the states from
-            `first` on are written: they go on from interval to interval.
-        numbers, gaussians: (q, ...) of each, and of the free functions.
-        tangents: (K, v + 1, 18) that `gaussians` has in the intervals, or (0, ...).
+        path: the LogPath.
+        nodes: (K + 1, n); from the first interval's end on, the states from `first` on
+            are written: they go on from interval to interval.
+        numbers: parameters and coefficients.
+        gaussians: of the free functions.
         first: the first state that goes on.
-        ends: (q, K, n), written.
     """
-    n = nodes.shape[2]
+    n = nodes.shape[1]
     x = np.empty(n)
     work = np.empty((6, n))
-    for m in range(nodes.shape[0]):
-        theta = theta_of(numbers[m], gaussians)
-        path.elevator[:] = elevator[m]
-        path.rate[:] = rate[m]
-        for k in range(path.rate.shape[0]):
-            if tangents.shape[0] > 0:
-                gaussians.tangent[:] = tangents[k]
-            put(nodes[m, k], x)
-            log_step(path, k, x, _banked(theta, path.bank[k]), work)
-            put(x, ends[m, k])
-            for i in range(first, n):
-                nodes[m, k + 1, i] = x[i]
+    theta = theta_of(numbers, gaussians)
+    for k in range(path.rate.shape[0]):
+        put(nodes[k], x)
+        log_step(path, k, x, _banked(theta, path.bank[k]), work)
+        for i in range(first, n):
+            nodes[k + 1, i] = x[i]
 
 
 def _carry(step, rates, power, carried):
@@ -213,11 +205,9 @@ def log_slopes(
     nodes,
     numbers,
     moved,
-    sizes,
     gaussians,
     acting,
     linear,
-    tangents,
     terms,
     ends,
     by_x,
@@ -234,12 +224,10 @@ def log_slopes(
         path: the LogPath, whose pitch is flown.
         nodes: (K + 1, n) states at the times.
         numbers: parameters and coefficients.
-        moved: (m, len(numbers)) the same, moved along each of m directions.
-        sizes: (m,) how far they are moved.
+        moved: the MovedModels of m directions.
         gaussians: of the free functions; about each interval's flight they are linear.
         acting: which functions and which variables it has, (17,) and (v,).
         linear: Gaussians of a tangent alone, written.
-        tangents: (K, v + 1, 18), written where the free functions act on the body.
         terms: (T,) indices of FREE_FUNCTIONS.
         ends: (K, n), written: the state that each interval ends in.
         by_x: (K, w, w), written: slopes of the first w states by the node's.
@@ -251,11 +239,13 @@ def log_slopes(
     theta = theta_of(numbers, gaussians)
     x = np.empty(n)
     usual = np.empty(n)
+    before = np.empty(n)
     work = np.empty((6, n))
     tangent = linear.tangent
     tangent[:] = 0.0
     last = tangent.shape[0] - 1
-    columns = width + terms.shape[0] + moved.shape[0]
+    first_own = n - moved.states.shape[2]
+    columns = width + terms.shape[0] + moved.sizes.shape[0]
     slopes = np.empty((width, columns))
     power = np.empty((width, width))
     carried = np.empty((width, width))
@@ -275,30 +265,38 @@ def log_slopes(
         wind_z = path.wind[k, 1]
         if gaussians.num_flown > 0:
             _set_tangent(now, y, rate, wind_x, wind_z, own, acting, basis, tangent)
-            tangents[k] = tangent
         own = _banked(theta_of(numbers, about), path.bank[k])
         put(derivatives(now, y, rate, wind_x, wind_z, own), usual)
+        put(y, x)
         for j in range(columns):
             size = DIFFERENCE
             other = own
+            own_rate = rate
+            put(usual, before)
             in_term = j - width
             in_theta = j - width - terms.shape[0]
             if in_theta >= 0:
-                size = sizes[in_theta]
-                other = _banked(theta_of(moved[in_theta], about), path.bank[k])
+                size = moved.sizes[in_theta]
+                numbers_there = theta_of(moved.numbers[in_theta], about)
+                other = _banked(numbers_there, path.bank[k])
+                place = moved.place[in_theta]
+                if place >= 0:
+                    put(moved.states[place, k], y[first_own:])
+                    base = _banked(theta_of(moved.bases[place], about), path.bank[k])
+                    put(derivatives(now, y, rate, wind_x, wind_z, base), before)
+                own_rate += moved.rate[in_theta, k]
+                y[3] += moved.elevator[in_theta, k]
             elif in_term >= 0:
                 other = _banked(theta_of(numbers, linear), path.bank[k])
                 tangent[last, 1 + terms[in_term]] += size
             else:
-                kept = y[j]
                 y[j] += size
-            d = derivatives(now, y, rate, wind_x, wind_z, other)
-            if j < width:
-                y[j] = kept
-            elif in_theta < 0:
+            d = derivatives(now, y, own_rate, wind_x, wind_z, other)
+            put(x, y)
+            if in_theta < 0 and in_term >= 0:
                 tangent[last, 1 + terms[in_term]] -= size
             for i in range(width):
-                slopes[i, j] = (d[i] - usual[i]) / size
+                slopes[i, j] = (d[i] - before[i]) / size
         slopes[3] = 0.0
         for i in range(width):
             for j in range(width):
@@ -359,14 +357,34 @@ _ENTRIES = (log_flown, log_slopes, log_measure, log_flow)
 
 LOOPS = Family((_banked, _set_tangent, _carry, log_step, *_ENTRIES), _ENTRIES)
 
-_NO_TANGENTS = NO_GAUSSIANS.tangent[:0, None]
-
 Kinds = tuple[EffectKind, ...]
 """The effects that the compiled dynamics hold, whose coefficients a theta has.
 
 In all functions below, `numbers` are parameters (9,) and coefficients, one after the
 other, and `gaussians` are those of the free functions.
 """
+
+
+class MovedModels(NamedTuple):
+    """A model moved along m directions, and what of a log it then flies otherwise.
+
+    Attributes:
+        numbers: (m, p) parameters and coefficients.
+        sizes: (m,) how far each is moved.
+        elevator: (m, K) changes of the elevator's mean angle in the intervals [rad].
+        rate: (m, K) changes of its rate [rad/s].
+        place: (m,) of each in the arrays below; -1: it moves from the model itself.
+        bases: (s, p) numbers of other models that directions move from.
+        states: (s, K, e) the effects' own states of these, in the middle of intervals.
+    """
+
+    numbers: np.ndarray
+    sizes: np.ndarray
+    elevator: np.ndarray
+    rate: np.ndarray
+    place: np.ndarray
+    bases: np.ndarray
+    states: np.ndarray
 
 
 def log_path(
@@ -397,10 +415,10 @@ def roll_out(
     gaussians: Gaussians,
 ) -> np.ndarray:
     """Returns the states (K + 1, n) of a flight along a log's path from (n,)."""
-    nodes = np.zeros((1, len(path.times), len(start)))
-    nodes[0, 0] = start
-    _fly(kinds, [path], nodes, [numbers], gaussians, 0)
-    return nodes[0]
+    nodes = np.zeros((len(path.times), len(start)))
+    nodes[0] = start
+    LOOPS.over(kinds).log_flown(path, nodes, numbers, gaussians, 0)
+    return nodes
 
 
 def with_extras(
@@ -414,9 +432,9 @@ def with_extras(
 
     They begin as in the first node.
     """
-    full = nodes[None].copy()
-    _fly(kinds, [path], full, [numbers], gaussians, NUM_STATES)
-    return full[0]
+    full = nodes.copy()
+    LOOPS.over(kinds).log_flown(path, full, numbers, gaussians, NUM_STATES)
+    return full
 
 
 def measure_nodes(
@@ -457,75 +475,39 @@ def flow_at(
     return values
 
 
-def advance_nodes(
-    kinds: Kinds,
-    paths: Sequence[LogPath],
-    nodes: Sequence[np.ndarray],
-    numbers: Sequence[np.ndarray],
-    gaussians: Gaussians,
-    tangents: np.ndarray = _NO_TANGENTS,
-) -> np.ndarray:
-    """Returns the ends (q, K, n) of intervals of q models, each flown from its node.
-
-    Each has nodes (K + 1, n), numbers and a path; paths differ in the elevator alone.
-    With the tangents of `slopes_along`, the free functions are these: what is left to
-    compute is a fraction, and differences between models are as good as its slopes.
-    """
-    begins = np.array(nodes)
-    if len(tangents):
-        gaussians = NO_GAUSSIANS._replace(tangent=np.empty_like(tangents[0]))
-    return _fly(kinds, paths, begins, numbers, gaussians, begins.shape[2], tangents)
-
-
-def _fly(kinds, paths, nodes, numbers, gaussians, first, tangents=_NO_TANGENTS):
-    """Returns the ends of intervals; writes nodes from a state on, see `log_flown`."""
-    elevator = np.array([path.elevator for path in paths])
-    rate = np.array([path.rate for path in paths])
-    path = paths[0]._replace(elevator=elevator[0].copy(), rate=rate[0].copy())
-    ends = np.empty_like(nodes[:, 1:])
-    models = path, elevator, rate, nodes, np.array(numbers)
-    LOOPS.over(kinds).log_flown(*models, gaussians, tangents, first, ends)
-    return ends
-
-
 def slopes_along(
     kinds: Kinds,
     path: LogPath,
     nodes: np.ndarray,
     numbers: np.ndarray,
-    moved: np.ndarray,
-    sizes: np.ndarray,
+    moved: MovedModels,
     gaussians: Gaussians,
     terms: Sequence[int],
     width: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Flies each interval of a log from its own node (K + 1, n), with slopes.
 
-    `moved` (m, len(numbers)) are the numbers, moved along each of m directions by
-    `sizes` (m,); `terms` are T indices of FREE_FUNCTIONS.
+    `moved` is the model along m directions; `terms` are T indices of FREE_FUNCTIONS.
 
     Returns:
         the ends (K, n), and the slopes of their first `width` states: by the node's
         (K, width, width), by a constant of each term (K, width, T) and along the
-        directions (K, width, m); and the tangents (K, v + 1, 18) of the free functions
-        about the middles of the intervals, (0, ...) where none acts on the body.
+        directions (K, width, m).
     """
     ends = np.empty_like(nodes[1:])
     rows = (len(nodes) - 1, width)
     by_x = np.empty((*rows, width))
     by_term = np.empty((*rows, len(terms)))
-    found = ends, by_x, by_term, np.empty((*rows, len(sizes)))
+    found = ends, by_x, by_term, np.empty((*rows, len(moved.sizes)))
     index = np.array(terms, dtype=np.int64)
     variables = len(FLOW_VARIABLES) if gaussians.num_flown else 0
     shape = 1 + variables, 1 + len(FREE_FUNCTIONS)
     linear = NO_GAUSSIANS._replace(tangent=np.empty(shape))
-    tangents = np.empty((len(nodes) - 1 if gaussians.num_flown else 0, *shape))
     flown = slice(gaussians.num_flown)
     acting = (
         gaussians.weights[:, flown].any(axis=1),
         gaussians.inverse_widths[:, flown].any(axis=1),
     )
-    free = gaussians, acting, linear, tangents
-    loop = LOOPS.over(kinds).log_slopes
-    loop(path, nodes, numbers, moved, sizes, *free, index, *found)
-    return *found, tangents
+    free = gaussians, acting, linear
+    LOOPS.over(kinds).log_slopes(path, nodes, numbers, moved, *free, index, *found)
+    return found

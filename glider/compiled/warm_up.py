@@ -22,7 +22,6 @@ def warm_up(space: ParameterSpace) -> None:
     times = 0.01 * np.arange(3.0)
     elevator = np.zeros((2, 3))
     path = replay.log_path(times, elevator, np.zeros(2))
-    replay.advance_nodes(kinds, [path], [nodes], [theta], NO_GAUSSIANS)
     replay.measure_nodes(kinds, nodes, theta)
     replay.roll_out(kinds, path, nodes[0], theta, NO_GAUSSIANS)
     at_rest = np.zeros(3)
