@@ -11,12 +11,13 @@ shape leaves.
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
 
 from glider.physics.effects import FLOW_VARIABLES, FREE_FUNCTIONS, EffectKind, Gaussians
-from glider.physics.effects.families import FAMILIES, Family
+from glider.physics.effects.families import FAMILIES
 from glider.physics.effects.free_functions import FreeFunction, gaussian
 from glider.sysid.constants import LEADING, RESOLVED
 from glider.sysid.likelihood.linear_flight import LinearFlight
@@ -216,51 +217,81 @@ def make_functions(flown: np.ndarray) -> dict[str, FittedFunction]:
     low, high = np.percentile(flown, [0.1, 99.9], axis=0)
     few = flown[:: max(1, len(flown) // 2000)]
     varies = high - low >= _LEAST_RANGE
+    bases: dict[tuple[tuple[str, ...], bool, bool], _Basis] = {}
     found = {}
     for name, family in FAMILIES.items():
-        columns = [FLOW_VARIABLES.index(variable) for variable in family.variables]
-        if np.all(varies[columns]):
+        variables = family.variables
+        columns = [FLOW_VARIABLES.index(variable) for variable in variables]
+        if not np.all(varies[columns]):
+            continue
+
+        # Functions of the same variables share a basis.
+        effect = family.free_function
+        is_position = effect.kind in ("pose_x", "pose_z")
+        key = variables, is_position, effect.kind in _ABOUT_MEAN
+        if key not in bases:
             ranges = np.column_stack([low, high])[columns]
-            found[name] = _make_function(name, family, ranges, few[:, columns])
+            bases[key] = _make_basis(*key, ranges, few[:, columns])
+
+        basis = bases[key]
+        [value] = effect.coefficients
+        found[name] = FittedFunction(
+            name=name,
+            effect=effect,
+            variables=variables,
+            centers=basis.centers,
+            widths=basis.widths,
+            mix=value.scale * basis.mix,
+            leading=int(np.count_nonzero(basis.sizes > LEADING)),
+            coordinates=np.zeros(len(basis.sizes)),
+        )
 
     return found
 
 
-def _make_function(
-    name: str, family: Family, ranges: np.ndarray, flown: np.ndarray
-) -> FittedFunction:
-    """Returns a function of a family that does not act yet.
+class _Basis(NamedTuple):
+    """Gaussians over some variables, mixed by what they show along flights.
+
+    Attributes:
+        centers: of the M Gaussians (M, d).
+        widths: of the Gaussians (M, d).
+        mix: (M, q) weights of the mixtures, the most shown ones first.
+        sizes: (q,) RMS of each along the flights.
+    """
+
+    centers: np.ndarray
+    widths: np.ndarray
+    mix: np.ndarray
+    sizes: np.ndarray
+
+
+def _make_basis(
+    variables: Sequence[str],
+    is_position: bool,
+    about_mean: bool,
+    ranges: np.ndarray,
+    flown: np.ndarray,
+) -> _Basis:
+    """Spreads Gaussians over d variables.
 
     Args:
-        name: of the family.
-        family: the link of the force chain, and the d variables.
+        variables: of FLOW_VARIABLES.
+        is_position: whether the function is an error of a measured position.
+        about_mean: whether no mixture has a mean along the flights.
         ranges: least and largest values of the variables (d, 2).
         flown: their values along flights (n, d).
     """
-    effect = family.free_function
-    is_position = effect.kind in ("pose_x", "pose_z")
     width, resolved = _OF_POSITIONS if is_position else (1.0, RESOLVED)
     levels = _LEVELS[:1] if is_position else _LEVELS
-    grids = [_grid(family.variables, ranges, width, i) for i in range(len(levels))]
+    grids = [_grid(variables, ranges, width, i) for i in range(len(levels))]
     centers, widths = map(np.vstack, zip(*grids, strict=True))
     counts = [len(centers) for centers, _ in grids]
     spreads = np.repeat([spread for _, spread in levels], counts)
 
     shown = gaussian(flown, centers, widths)
     is_met = shown.max(axis=0) > _LEAST_MET
-    about_mean = effect.kind in _ABOUT_MEAN
-    basis, sizes = _mix(shown[:, is_met], spreads[is_met], about_mean, resolved)
-    [value] = effect.coefficients
-    return FittedFunction(
-        name=name,
-        effect=effect,
-        variables=family.variables,
-        centers=centers[is_met],
-        widths=widths[is_met],
-        mix=value.scale * basis,
-        leading=int(np.count_nonzero(sizes > LEADING)),
-        coordinates=np.zeros(len(sizes)),
-    )
+    mixed = _mix(shown[:, is_met], spreads[is_met], about_mean, resolved)
+    return _Basis(centers[is_met], widths[is_met], *mixed)
 
 
 def _mix(

@@ -341,8 +341,8 @@ def _moved_models(
     rate = np.zeros_like(elevator)
     place = np.full(len(directions), -1)
     places: dict[Shapes, int] = {}
-    bases = []
-    states = []
+    bases: list[np.ndarray] = []
+    states: list[np.ndarray] = []
     for i, d in enumerate(directions):
         moved = d.moved(theta)
         numbers[i], _ = trimmed(record, moved, trim)
