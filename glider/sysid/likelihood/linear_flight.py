@@ -1,4 +1,14 @@
-"""A flight linearized in launch, moving air, per-flight constants and parameters."""
+"""A flight linearized in launch, moving air, per-flight constants and parameters.
+
+Each interval between two rows of a log is flown from its own smoothed node. Where it
+ends off the next node is an error of the model, and how that end moves with the node,
+the air and each coefficient are the matrices of a linear system, which
+`compiled.filter_error` filters under any scales of the noise.
+
+The deviations of the system are n states of the motion and of effects, and after them
+the OWN_STATES: gusts x and z, pitch acceleration, departure of the elevator, wind x and
+z, trim, pitch zero.
+"""
 
 import dataclasses
 from collections.abc import Iterable, Sequence
@@ -44,14 +54,18 @@ a plate, which would make drag too certain."""
 
 
 class Surroundings(NamedTuple):
-    """What a flight is linear about, beside its states."""
+    """What a flight is linear about, beside its states.
 
-    #: (4,) per-flight constants: wind in x and z [m/s], trim and pitch zero [rad].
+    Attributes:
+        constants: (4,) of the flight: wind in x and z [m/s], trim and pitch zero [rad].
+        gusts: (K, 2) velocities of the moving air in intervals, in x and z [m/s].
+    """
+
     constants: np.ndarray = np.zeros(OWN_STATES - PROCESSES)
-    gusts: np.ndarray = np.zeros((1, 2))  #: (K, 2) in x and z, of intervals [m/s].
+    gusts: np.ndarray = np.zeros((1, 2))
 
     def wind(self, record: Record) -> np.ndarray:
-        """Returns the velocity of the air in a flight's intervals, (K, 2)."""
+        """Returns the velocity of the air in a flight's intervals, (K, 2) [m/s]."""
         return self.constants[:2] + self.gusts + record.side_wind
 
 
@@ -62,29 +76,49 @@ STILL_AIR = Surroundings()
 class LinearFlight:
     """Arrays of `compiled.filter_error.filter_flight` that depend on no noise.
 
-    The last column is the error of the model itself; column j before it is the
-    slope along direction j, so that error = last - Σ δ_j column_j.
+    The last of m + 1 columns is the error of the model itself; column j before it is
+    the slope along direction j, so that error = last - Σ δ_j column_j.
+
+    Attributes:
+        record: the flight, with K intervals.
+        about: its surroundings, about which it is linear.
+        nodes: (K + 1, num_states) the states about which it is linear.
+        states: places in the nodes of the n states that the other arrays have.
+        moves: (K, n, n + 8) how deviations move the end of an interval.
+        by_term: (K, n, T) how a constant of each of `terms` moves it.
+        terms: T of FREE_FUNCTIONS, those of the air first.
+        inputs: (K, n, m + 1) how each column moves it.
+        shows: (K + 1, C, n + 8) how deviations show in what is measured; one row where
+            that is the same at all nodes.
+        outputs: (K + 1, C, m + 1) how each column shows there.
+        start: (n + 8, m + 1) how each column moves the deviations at the first node.
+        added: more columns, which `expanded` has before the last: each block is of an
+            effect of FREE_FUNCTIONS, with its values (K, q) at the midpoints of
+            intervals; or (K + 1, q) at the nodes, if sensors show it.
     """
 
     record: Record
     about: Surroundings
     nodes: np.ndarray
-    states: list[int]  #: Of the nodes that the other arrays have.
+    states: list[int]
     moves: np.ndarray
-    by_term: np.ndarray  #: By a constant of each of `terms`.
-    terms: tuple[str, ...]  #: Of FREE_FUNCTIONS, those of the air first.
+    by_term: np.ndarray
+    terms: tuple[str, ...]
     inputs: np.ndarray
     shows: np.ndarray
     outputs: np.ndarray
     start: np.ndarray
-    #: More columns, which `expanded` has before the last: each block is of an effect of
-    #: FREE_FUNCTIONS, with its values (K, q) at the midpoints of intervals; or
-    #: (K + 1, q) at the nodes, if sensors show it.
     added: Sequence[tuple[EffectKind, np.ndarray]] = ()
 
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
-        """Returns the flight with its error at changes δ (m,) alone, light to send."""
+        """Returns the flight with one column, its error at other coefficients.
+
+        Without the other columns it is a fraction of the memory.
+
+        Args:
+            weights: δ, (m,) changes of the coefficients; those of `added` too.
+        """
         whole = self.expanded()
         mix = np.append(-weights, 1.0)
         return dataclasses.replace(
@@ -104,11 +138,15 @@ class LinearFlight:
         """Makes the flight with all columns, which take ten times the memory."""
         if not self.added:
             return self
+
+        # Room for the new columns, before the error.
         first = self.inputs.shape[2] - 1
         places = [first] * sum(values.shape[1] for _, values in self.added)
         inputs = np.insert(self.inputs, places, 0.0, -1)
         outputs = np.insert(self.outputs, places, 0.0, -1)
         start = np.insert(self.start, places, 0.0, -1)
+
+        # Each function enters as its term does, times its values along the flight.
         for effect, values in self.added:
             last = first + values.shape[1]
             if effect.stage == "sensor":
@@ -128,7 +166,19 @@ class LinearFlight:
 def path_of(
     record: Record, theta: np.ndarray, about: Surroundings
 ) -> tuple[LogPath, np.ndarray]:
-    """Returns a flight's path and dynamics under a model, in its surroundings."""
+    """Returns what flies a log under a model, in its surroundings.
+
+    The trim of a flight turns its elevator, or pitches it, see `replayed.trimmed`.
+
+    Args:
+        record: the flight.
+        theta: the model, a vector of the record's space.
+        about: the flight's constants and gusts.
+
+    Returns:
+        the elevator, the air and the bank along the flight; and the numbers of the
+        dynamics, theta with the flight's trim.
+    """
     elevator, rate, _ = signals(record, theta)
     flown, shift = trimmed(record, theta, about.constants[2])
     wind = about.wind(record)
@@ -148,88 +198,106 @@ def linearize(
 ) -> LinearFlight:
     """Makes a flight linear about its smoothed measurement and its surroundings.
 
-    Free functions may be added to it later only at `terms` of FREE_FUNCTIONS. Gusts and
-    winds move it as constants of two terms do: of moving air, or of FORCES.
+    Gusts and winds move it as constants of two terms do: of moving air, or of FORCES.
+
+    Args:
+        record: the flight.
+        theta: the model, a vector of the record's space.
+        gaussians: the model's free functions.
+        directions: the columns before the error.
+        about: the flight's constants and gusts.
+        terms: of FREE_FUNCTIONS; only at these can functions be added later.
+        air: the two terms that stand for gusts and winds.
     """
     space = record.space
-    # All nodes show as the first does then: a flight's own zero of the pitch is added.
+    # Sensors that read truly show all nodes alike. That does not depend on the
+    # flight's own zero of the pitch, which is added to their readings.
     is_read_truly = reads_truly(space, theta, gaussians)
     theta = theta.copy()
-    constants = about.constants
-    theta[list(space.slots_of(PITCH_OFFSET.kind))] += constants[3]  # It reads too much.
+    theta[list(space.slots_of(PITCH_OFFSET.kind))] += about.constants[3]
+
+    # The states and the model to be linear about, and the terms that may act on it.
     with_states = any(d.kind in space.states for d in directions)
-    kinds = space.flown
     nodes = true_nodes(record, theta, gaussians, with_states)
     states = space.acting_states(theta)
-    columns = len(directions) + 1
-    terms = dict.fromkeys(t for t in (*air, *terms) if t not in SENSOR_TERMS)
-    if record.trim_is_moment:
-        terms["c_moment"] = None
-    shown = tuple(terms)
     path, dynamics = path_of(record, theta, about)
-    moving = {
-        j: d for j, d in enumerate(directions) if d.slot not in space.sensor_slots
-    }
-    plain = [  # Those that leave the log's signals and the nodes as they are.
-        j
-        for j, d in moving.items()
-        if d.slot < space.num_flown and not (d.shapes and d.kind in space.states)
-    ]
-    # Where the flight begins off its measured node, and off its own constants.
-    moved = np.empty((len(plain), len(dynamics)))
-    sizes = np.empty(len(plain))
-    start = np.zeros((len(states) + OWN_STATES, columns))
-    start[len(states) + PROCESSES :, -1] = -constants
+    names = [*air, *terms]
+    if record.trim_is_moment:
+        names.append("c_moment")
+    shown = tuple(dict.fromkeys(name for name in names if name not in SENSOR_TERMS))
+
+    # Plain directions leave the log's signals and the nodes as they are. The others
+    # that move the flight need flights of their own.
+    plain, others = {}, {}
+    for j, d in enumerate(directions):
+        if d.slot in space.sensor_slots:
+            continue
+        has_other_nodes = d.shapes and d.kind in space.states
+        if d.slot < space.num_flown and not has_other_nodes:
+            plain[j] = d
+        else:
+            others[j] = d
+
+    # A flight begins off its first node, and off its constants.
+    n = len(states)
+    start = np.zeros((n + OWN_STATES, len(directions) + 1))
+    start[n + PROCESSES :, -1] = -about.constants
     if record.seen[:, 3].any():  # Elevators rest at one angle, but for a scale.
         start[OFFSET, -1] = record.usual_rest - record.rest - nodes[0, OFFSET]
-    for i, j in enumerate(plain):
-        other, sizes[i] = directions[j].moved(theta), directions[j].size
-        moved[i] = trimmed(record, other, constants[2])[0]
-        if directions[j].kind in space.states:
-            begins = nodes[0, NUM_STATES:] - states_at_rest(record, other, nodes[0])
-            own = np.array(states[NUM_STATES:], dtype=int) - NUM_STATES
-            start[NUM_STATES : len(states), j] = begins[own] / sizes[i]
 
-    # All that is smooth at once: by states, by constants of terms, by plain directions.
+    # Plain directions move the dynamics, and the states of their effect at rest.
+    moved = np.empty((len(plain), len(dynamics)))
+    sizes = np.empty(len(plain))
+    places = [i - NUM_STATES for i in states[NUM_STATES:]]
+    for i, (j, d) in enumerate(plain.items()):
+        other = d.moved(theta)
+        sizes[i] = d.size
+        moved[i] = trimmed(record, other, about.constants[2])[0]
+        if d.kind in space.states:
+            off = nodes[0, NUM_STATES:] - states_at_rest(record, other, nodes[0])
+            start[NUM_STATES:n, j] = off[places] / d.size
+
+    # Slopes of all that is smooth at once: by states, by constants of terms and along
+    # plain directions.
     index = [ROWS[name] for name in shown]
     width = states[-1] + 1
     ends, by_x, by_term, by_plain, tangents = slopes_along(
-        kinds, path, nodes, dynamics, moved, sizes, gaussians, index, width
+        space.flown, path, nodes, dynamics, moved, sizes, gaussians, index, width
     )
-    inputs = np.zeros((len(ends), width, columns))
-    by_air = by_term[:, :, :2]
+
+    # At a stop an elevator forgets where it began.
     missed = (ends - nodes[1:])[:, :width]
     at_stop = ~offset_persists(record, theta)[1:]
-    by_x[at_stop, OFFSET], missed[at_stop, OFFSET] = 0.0, 0.0
-    inputs[:, :, plain] = -by_plain  # Gusts count from zero.
-    inputs[:, :, -1] = missed - np.sum(by_air * about.gusts[:, None], axis=2)
-    beside = {j: d for j, d in moving.items() if j not in plain}
-    others = [*beside.values()]
-    secants = _secants(record, theta, gaussians, others, about, nodes, tangents)
-    for j, secant in zip(beside, secants, strict=True):
+    by_x[at_stop, OFFSET] = 0.0
+    missed[at_stop, OFFSET] = 0.0
+
+    # How each column moves the end of an interval: the error, less what the gusts do of
+    # it since they count from zero; minus the slope along a direction.
+    inputs = np.zeros((len(ends), width, len(directions) + 1))
+    inputs[:, :, [*plain]] = -by_plain
+    by_gusts = np.sum(by_term[:, :, :2] * about.gusts[:, None], axis=2)
+    inputs[:, :, -1] = missed - by_gusts
+    secants = _secants(
+        record, theta, gaussians, [*others.values()], about, nodes, tangents
+    )
+    for j, secant in zip(others, secants, strict=True):
         inputs[:, :, j] = -secant[:, :width]
 
-    # The filter's own states move with those of the flight.
-    n = len(states)
-    step = np.diff(record.time)
+    # How deviations move it. A trim that is a moment acts as a constant of it.
     by_term = by_term.take(states, 1)
-    moves = np.zeros((len(ends), n, n + OWN_STATES))
-    moves[:, :, :n] = by_x.take(states, 1).take(states, 2)
-    moves[:, :, n : n + 2] = moves[:, :, n + 4 : n + 6] = by_term[:, :, :2]
-    moves[:, PITCH, n + 2] = 0.5 * step**2
-    moves[:, PITCH_RATE, n + 2] = step
-    moves[:, :, n + 3] = moves[:, :, n + 6] = moves[:, :, OFFSET]
-    moves[:, OFFSET, [n + 3, n + 6]] = 0.0
+    moves = _moves(by_x.take(states, 1).take(states, 2), by_term, record.time)
+    if record.trim_is_moment:
+        [slot] = space.slots_of(PITCH_MOMENT.kind)
+        per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
+        moves[:, :, -2] = per_radian * by_term[:, :, shown.index("c_moment")]
+
+    # What is measured: the pose, and the elevator with its departure.
     measured = nodes[:1] if is_read_truly else nodes
-    pose_by_x = measure_nodes(kinds, measured, dynamics, gaussians)[1]
+    _, pose_by_x = measure_nodes(space.flown, measured, dynamics, gaussians)
     shows = np.zeros((len(measured), record.seen.shape[1], n + OWN_STATES))
     shows[:, :3, :n] = pose_by_x.take(states, 2)
     shows[:, PITCH, -1] = 1.0
     shows[:, ELEVATOR, [ELEVATOR, n + 3]] = 1.0
-    if record.trim_is_moment:
-        [slot] = space.slots_of(PITCH_MOMENT.kind)
-        per_radian = trimmed(record, theta, 1.0)[0][slot] - theta[slot]
-        moves[:, :, n + 6] = per_radian * by_term[:, :, shown.index("c_moment")]
 
     return LinearFlight(
         record=record,
@@ -246,6 +314,30 @@ def linearize(
     )
 
 
+def _moves(by_x: np.ndarray, by_term: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Returns how deviations move the ends of intervals, (K, n, n + 8).
+
+    Args:
+        by_x: (K, n, n) slopes by the states at the beginning.
+        by_term: (K, n, T) by constants of terms, the first two of the air.
+        time: (K + 1,) of the nodes [s].
+    """
+    n = by_x.shape[1]
+    step = np.diff(time)
+    moves = np.zeros((len(by_x), n, n + OWN_STATES))
+    moves[:, :, :n] = by_x
+
+    # Gusts and the steady wind; an unmodelled pitch acceleration.
+    moves[:, :, n : n + 2] = moves[:, :, n + 4 : n + 6] = by_term[:, :, :2]
+    moves[:, PITCH, n + 2] = 0.5 * step**2
+    moves[:, PITCH_RATE, n + 2] = step
+
+    # The elevator's departure and trim act as its offset does, and leave that as it is.
+    moves[:, :, n + 3] = moves[:, :, n + 6] = moves[:, :, OFFSET]
+    moves[:, OFFSET, [n + 3, n + 6]] = 0.0
+    return moves
+
+
 def _secants(
     record: Record,
     theta: np.ndarray,
@@ -255,36 +347,47 @@ def _secants(
     usual_nodes: np.ndarray,
     tangents: np.ndarray,
 ) -> list[np.ndarray]:
-    """Returns the slopes (K, n) of intervals' ends where signals or nodes change.
+    """Returns the slopes (K, num_states) of intervals' ends along some directions.
 
-    `usual_nodes` are those where no shapes are set. Those of an absent effect move
-    nothing but its own states. In each interval the free functions are their tangents.
+    Signals of the log or nodes change along these, so that each is flown once more: the
+    slope is (end moved - end) / size.
+
+    Args:
+        record, theta, gaussians, about: those of `linearize`.
+        directions: those to fly.
+        usual_nodes: the nodes where no shapes are set, (K + 1, num_states).
+        tangents: of the free functions in each interval, see `slopes_along`.
     """
     if not directions:
         return []
+
+    # The models that directions start from: theta, and another one with its own nodes
+    # where shapes are set. Shapes of an absent effect move nothing but its own states:
+    # if these do not act, their model ends where theta does.
     space = record.space
     acting = space.acting_states(theta)
     begun = [(theta, usual_nodes)]
-    nodes: dict[Shapes, np.ndarray] = {(): usual_nodes}
-    base_of: dict[Shapes, int] = {(): 0}
+    known: dict[Shapes, tuple[np.ndarray, int]] = {(): (usual_nodes, 0)}
     for d in directions:
-        if d.shapes in nodes:
+        if d.shapes in known:
             continue
         base = d.base(theta)
+        nodes = true_nodes(record, base, gaussians, with_states=True)
         states = space.states.get(d.kind, ())
-        nodes[d.shapes] = true_nodes(record, base, gaussians, with_states=True)
-        base_of[d.shapes] = 0
-        if not states or not set(states).isdisjoint(acting):
-            base_of[d.shapes] = len(begun)
-            begun.append((base, nodes[d.shapes]))
+        if states and set(states).isdisjoint(acting):
+            known[d.shapes] = nodes, 0
+        else:
+            known[d.shapes] = nodes, len(begun)
+            begun.append((base, nodes))
 
-    moved = [(d.moved(theta), nodes[d.shapes]) for d in directions]
-    pairs = [path_of(record, own, about) for own, _ in begun + moved]
+    # All are flown at once, and after them those moved along the directions.
+    models = begun + [(d.moved(theta), known[d.shapes][0]) for d in directions]
+    pairs = [path_of(record, own, about) for own, _ in models]
     paths, numbers = zip(*pairs, strict=True)
-    begins = [own for _, own in begun + moved]
+    begins = [own for _, own in models]
     ends = advance_nodes(space.flown, paths, begins, numbers, gaussians, tangents)
     found = zip(directions, ends[len(begun) :], strict=True)
-    return [(end - ends[base_of[d.shapes]]) / d.size for d, end in found]
+    return [(end - ends[known[d.shapes][1]]) / d.size for d, end in found]
 
 
 def _outputs(
@@ -294,12 +397,16 @@ def _outputs(
     directions: Sequence[Direction],
     nodes: np.ndarray,
 ) -> np.ndarray:
-    """Returns the columns of the measurements, the error last, (K + 1, C, m + 1)."""
+    """Returns the columns of the measurements, the error last, (K + 1, C, m + 1).
+
+    Only sensors and the clocks of the log show in other ways than by the states.
+    """
     space = record.space
 
     def shown_by(theta: np.ndarray) -> np.ndarray:
+        pose = sensed(space, nodes, theta, gaussians)
         logged = signals(record, theta).logged + nodes[:, OFFSET]
-        return np.column_stack([sensed(space, nodes, theta, gaussians), logged])
+        return np.column_stack([pose, logged])
 
     shown = shown_by(theta)
     outputs = np.zeros((*shown.shape, len(directions) + 1))
