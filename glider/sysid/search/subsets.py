@@ -11,7 +11,8 @@ import numpy as np
 
 from glider.physics.effects.families import FAMILIES
 from glider.sysid import constants
-from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, gather
+from glider.sysid.likelihood.candidates import Candidates, gather
+from glider.sysid.likelihood.held_out import HeldOutEvidence
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
 
