@@ -51,8 +51,8 @@ class Candidates:
         task: of the flights.
         model: the model about which the flights are linear.
         directions: of the first columns.
-        variants: kind of each effect to its variants, one of a kind that acts. They are
-            indices into `columns`.
+        variants: kind of each effect to its variants, tuples of indices into `columns`;
+            a kind that acts has one.
         flights: linear in the directions and in functions that act or may act.
         functions: free functions that do not act yet.
         columns: of each candidate, its column in `grams`, and the prior spread of its

@@ -63,8 +63,8 @@ def linear_flights(
     """
     if directions is None:
         directions = slopes(task.space, model.free)
-    own = directions
-    return in_parallel(lambda r: linear_flight(model, own, r, others), task.records)
+    some = directions
+    return in_parallel(lambda r: linear_flight(model, some, r, others), task.records)
 
 
 def linear_flight(

@@ -106,7 +106,7 @@ def averaged(
 
     Args:
         probabilities: of each model.
-        models: the one that is reported first.
+        models: the one first that is reported.
         known: errors of each model.
     """
     first = models[0].theta
