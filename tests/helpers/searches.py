@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from glider.physics.effects.effect import Effect
-from glider.sysid.likelihood.candidates import HeldOutEvidence
+from glider.sysid.likelihood.held_out import HeldOutEvidence
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult
 from glider.sysid.search.moves import Search

@@ -1,11 +1,17 @@
-"""Candidate effects as columns of all flights, linear about one model."""
+"""Candidate effects as columns of all flights, linear about one model.
+
+`gather` linearizes the flights once, in every coefficient of every effect that may be
+tried. Sets of effects are compared on the resulting columns' information by `Evidence`
+or `HeldOutEvidence`, so that thousands of sets cost as much as one fit. An effect that
+is not linear in its shapes has several variants, one for each choice of starting
+shapes; a free function has several too, one for each strength.
+"""
 
 import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
-from glider.sysid.likelihood import model_fit
 from glider.sysid.likelihood.directions import Direction, slopes, starts_of
 from glider.sysid.likelihood.fitted_functions import FittedFunction
 from glider.sysid.likelihood.information import (
@@ -14,9 +20,14 @@ from glider.sysid.likelihood.information import (
     counted_from,
     eliminate,
     solve,
-    solve_scaled,
 )
 from glider.sysid.likelihood.linear_flight import LinearFlight
+from glider.sysid.likelihood.model_fit import (
+    grams_of,
+    in_surroundings,
+    linear_flights,
+    prior_of,
+)
 from glider.sysid.likelihood.scale_fit import fit_scales
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
@@ -27,23 +38,34 @@ _STRENGTHS = 0.1, 0.3, 1.0  # Tried of a free function that does not act yet.
 _LARGEST_PUSH = 1e3  # Change of a state in an interval that no flight has.
 _AT_ONCE = 4  # Flights whose information is in memory at once.
 _IN_PART = 8  # Flights whose columns are.
-_MOST_ENTRIES = 1_000_000  # Of matrices that are solved at once, for the memory.
-_SLACK = 1e-9  # Rounding by which a bound may be passed.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Candidates:
-    """Columns of the flights about a model, and the effects they belong to."""
+    """Columns of the flights about a model, and the effects they belong to.
 
-    task: Task  #: Of the flights.
-    model: FitResult  #: About which the flights are linear.
-    #: Of the columns; those of acting functions follow.
+    A flight's columns are those of `directions`, then of functions that act in the
+    model, then of `functions`; the error is last.
+
+    Attributes:
+        task: of the flights.
+        model: the model about which the flights are linear.
+        directions: of the first columns.
+        variants: kind of each effect to its variants, tuples of indices into `columns`;
+            a kind that acts has one.
+        flights: linear in the directions and in functions that act or may act.
+        functions: free functions that do not act yet.
+        columns: of each candidate, its column in `grams`, and the prior spread of its
+            coordinate over that in `nothing`. Candidate j is column j itself, but for
+            functions that do not act yet: each strength of theirs is another candidate.
+    """
+
+    task: Task
+    model: FitResult
     directions: tuple[Direction, ...]
-    variants: dict[str, tuple[_Variant, ...]]  #: By kind; one of a kind that acts.
-    flights: Sequence[LinearFlight]  #: Linear in the directions and what acts.
-    #: That do not act yet; their columns come last.
+    variants: dict[str, tuple[_Variant, ...]]
+    flights: Sequence[LinearFlight]
     functions: tuple[FittedFunction, ...] = ()
-    #: Column of each of a variant, and the prior spread of its coordinate.
     columns: tuple[tuple[int, float], ...]
 
     @property
@@ -54,44 +76,50 @@ class Candidates:
     @property
     def always(self) -> list[int]:
         """Columns that act in every set: unknown parameters, given free functions."""
-        own = set(self.task.vehicle.nuisance)
-        model = self.model
-        places = model.places(len(self.directions))
-        given = (places[name] for name in places.keys() - {*model.kinds})
+        own = self.task.vehicle.nuisance
         unknown = [j for j, slot in enumerate(self.slots) if slot in own]
-        return [*unknown, *sorted(j for place in given for j in place)]
+        places = self.model.places(len(self.directions))
+        names = places.keys() - {*self.model.kinds}
+        return unknown + sorted(j for name in names for j in places[name])
 
     def grams(self, scales: Scales) -> np.ndarray:
         """Returns the flights' information on all columns, (flights, m + 1, m + 1).
 
         The error is that of the model without effects, see `nothing`.
         """
-        grams = model_fit.grams_of(self.flights, scales)
+        grams = grams_of(self.flights, scales)
         return counted_from(grams, self.nothing()[0])
 
     def total(self, scales: Scales) -> np.ndarray:
-        """Returns the sum of `grams`, a few flights' at a time in memory."""
+        """Returns the sum of `grams`, (m + 1, m + 1).
+
+        Only a few flights' information is in memory at once.
+        """
         total = np.zeros(())
         for k in range(0, len(self.flights), _AT_ONCE):
-            few = model_fit.grams_of(self.flights[k : k + _AT_ONCE], scales)
-            total = total + few.sum(axis=0)
+            few = self.flights[k : k + _AT_ONCE]
+            total = total + grams_of(few, scales).sum(axis=0)
 
         return counted_from(total, self.nothing()[0])
 
     def nothing(self) -> tuple[np.ndarray, Prior]:
-        """Returns the model without effects, and the prior about it.
+        """Returns how the model without effects differs, and the prior about it.
 
-        That is what of each column acts in the model (m,), see `counted_from`.
         Functions that do not act yet have a prior spread of one; see `columns`.
+
+        Returns:
+            what of each column acts in the model (m,), see `counted_from`; and the
+            prior of changes from the model without effects.
         """
         functions = (*self.model.functions, *self.functions)
         model = dataclasses.replace(self.model, functions=functions)
-        prior = model_fit.prior_of(self.task, model, self.slots)
-        is_shape = [
-            j for j, slot in enumerate(self.slots) if slot in self.task.space.shapes
-        ]
+        prior = prior_of(self.task, model, self.slots)
         share = -prior.mean
-        share[self.always + is_shape] = 0.0  # They count from where they are.
+
+        # Unknown parameters, given functions and shapes count from where they are.
+        shapes = self.task.space.shapes
+        is_shape = [j for j, slot in enumerate(self.slots) if slot in shapes]
+        share[self.always + is_shape] = 0.0
         lower = prior.lower + share
         upper = prior.upper + share
         prior = dataclasses.replace(prior, mean=0.0 * share, lower=lower, upper=upper)
@@ -100,11 +128,14 @@ class Candidates:
     def evidence(self, gram: np.ndarray) -> Evidence:
         """Returns the evidence of sets of columns beside those that always act.
 
-        `gram` is the sum of `grams`.
+        Args:
+            gram: the sum of `grams`, (m + 1, m + 1).
         """
         _, prior = self.nothing()
         always = self.always
         rest = eliminate(gram, always, prior.precision[always])
+
+        # The prior of a column in each strength with which it is a candidate.
         at = [column for column, _ in self.columns]
         strengths = np.array([strength for _, strength in self.columns])
         prior = prior.among(at)
@@ -113,113 +144,42 @@ class Candidates:
         return Evidence(gram=rest, at=np.array(at, dtype=int), prior=prior)
 
 
-class HeldOutEvidence:
-    """Log-likelihood that columns gain on flights, each held out in turn [nats].
-
-    An error common to all flights is evidence for any effect that imitates it, more of
-    it with more flights; cross-validation does not reward that (Stone, J. R. Stat. Soc.
-    B 39, 1977). Everything is linear, so that each flight is held out exactly, the
-    unknown parameters of the vehicle refitted without it.
-    """
-
-    def __init__(self, candidates: Candidates, grams: np.ndarray):
-        """Takes the flights' information, that of `Candidates.grams`."""
-        self._always = np.array(candidates.always, int)
-        _, self._prior = candidates.nothing()
-        self._own = grams
-        self._sum = self._own.sum(axis=0, keepdims=True)
-        self._rest = self._sum - self._own
-        self._alone = self._costs(self._always[None])
-
-    def extended(
-        self, columns: Sequence[int], more: Sequence[Sequence[int]]
-    ) -> list[float]:
-        """Gain of columns with each of several others over none; -inf: not physical."""
-        always = len(self._always)
-        sets = [[*self._always, *columns, *variant] for variant in more]
-        sizes = np.array([len(own) for own in sets])
-        gains = np.zeros(len(sets))
-        for size in np.unique(sizes[sizes > always]):
-            # Equally large sets at once, in parts that fit the memory.
-            at = np.flatnonzero(sizes == size)
-            parts = 1 + len(at) * len(self._own) * size**2 // _MOST_ENTRIES
-            for part in np.array_split(at, min(parts, len(at))):
-                own = np.array([sets[i] for i in part])
-                step = self._steps(self._sum, own)[0]
-                lower = self._prior.lower[own]
-                upper = self._prior.upper[own]
-                is_out = step < lower - _SLACK * np.abs(lower)
-                is_out |= step > upper + _SLACK * np.abs(upper)
-                gain = np.sum(self._alone - self._costs(own), axis=0)
-                is_physical = ~is_out[:, always:].any(axis=1)
-                gains[part] = np.where(is_physical, gain, -np.inf)
-
-        return gains.tolist()
-
-    def step(self, columns: Sequence[int]) -> np.ndarray:
-        """Returns the coefficients of columns, counted from zero."""
-        sets = np.array([[*self._always, *columns]], dtype=int)
-        return self._steps(self._sum, sets)[0, 0, len(self._always) :]
-
-    def _steps(self, grams: np.ndarray, sets: np.ndarray) -> np.ndarray:
-        """Returns the likeliest changes (n, v, m) by information (n, M + 1, M + 1)."""
-        precision = self._prior.precision[sets][..., None] * np.eye(sets.shape[1])
-        systems = grams[:, sets[..., None], sets[:, None]] + precision
-        return solve_scaled(systems, grams[:, sets, -1], 0.0)
-
-    def _costs(self, sets: np.ndarray) -> np.ndarray:
-        """Returns flights' costs by what the others say of sets of columns (n, v)."""
-        steps = self._steps(self._rest, sets)
-        weights = np.concatenate([-steps, np.ones((*steps.shape[:2], 1))], axis=2)
-        index = np.pad(sets, ((0, 0), (0, 1)), constant_values=-1)
-        own = self._own[:, index[..., None], index[:, None]]
-        return 0.5 * np.sum(weights * (own @ weights[..., None])[..., 0], axis=2)
-
-
 def gather(task: Task, model: FitResult) -> Candidates:
     """Linearizes all flights about a model, in all candidates.
 
     Free functions are candidates too, those that do not act yet by their leading
-    coordinates, with several strengths.
+    coordinates, with several strengths. Formulas that diverge on a flight are none.
+
+    Args:
+        task: the flights, and the effects and free functions to try.
+        model: about which they are linear; what acts in it is a candidate as well.
     """
-    space = task.space
+    directions, variants = _formulas(task, model)
     leading = [own.leading_only for own in task.functions.values()]
     functions = [own for own in leading if own.count and own.name not in model.kinds]
-    own = set(task.vehicle.nuisance)
-    directions = slopes(space, model.free)
-    idle = own | _at_bounds(task, model)
-    acting = [(j, d.kind) for j, d in enumerate(directions) if d.slot not in idle]
-    # No columns of an effect that is at its bounds.
-    variants: dict[str, list[_Variant]] = {
-        kind: [tuple(j for j, other in acting if other == kind)] for kind in model.kinds
-    }
-    for kind in [kind for kind in task.kinds if kind not in variants]:
-        allowed = set(task.free((kind,))) - own
-        variants[kind] = []
-        for columns in starts_of(space, space.kinds[kind], model.theta):
-            first = len(directions)
-            directions += [d for d in columns if d.slot in allowed]
-            variants[kind].append(tuple(range(first, len(directions))))
-
-    # Formulas that diverge on a flight are no candidates.
-    flights = model_fit.linear_flights(task, model, directions, functions)
+    # Only effects that do not act yet are left out: the others are in the model.
+    flights = linear_flights(task, model, directions, functions)
     wild = tame(task, directions, flights)
     for kind in set(variants) - set(model.kinds):
-        variants[kind] = [v for v in variants[kind] if v and not wild & set(v)]
+        variants[kind] = [v for v in variants[kind] if v and wild.isdisjoint(v)]
 
-    # Columns of functions that act, and of others, each with several strengths.
+    # Columns of functions that act.
     places = model.places(len(directions))
-    variants |= {kind: [tuple(places[kind])] for kind in model.free_kinds}
+    for kind in model.free_kinds:
+        variants[kind] = [tuple(places[kind])]
+
+    # Columns of the other functions, each with several strengths.
     first = len(directions) + len(model.coordinates)
     scaled = [(j, 1.0) for j in range(first)]
     for function in functions:
+        last = first + function.count
         variants[function.name] = []
         for strength in _STRENGTHS:
             begin = len(scaled)
-            scaled += [(first + j, strength) for j in range(function.count)]
+            scaled += [(j, strength) for j in range(first, last)]
             variants[function.name].append(tuple(range(begin, len(scaled))))
 
-        first += function.count
+        first = last
 
     return Candidates(
         task=task,
@@ -232,13 +192,52 @@ def gather(task: Task, model: FitResult) -> Candidates:
     )
 
 
+def _formulas(
+    task: Task, model: FitResult
+) -> tuple[list[Direction], dict[str, list[_Variant]]]:
+    """Returns the directions of a model and of formulas to try, and their variants.
+
+    Directions of the model's free slots come first. Those of unknown parameters and of
+    slots that stay at a bound are in no variant. A kind without a formula has one empty
+    variant if it acts.
+    """
+    space = task.space
+    unknown = set(task.vehicle.nuisance)
+    directions = slopes(space, model.free)
+    idle = unknown | _at_bounds(task, model)
+    acting: dict[str, _Variant] = dict.fromkeys(model.kinds, ())
+    for j, d in enumerate(directions):
+        if d.kind in acting and d.slot not in idle:
+            acting[d.kind] += (j,)
+
+    variants = {kind: [own] for kind, own in acting.items()}
+    for kind in task.kinds:
+        if kind in acting:
+            continue
+        allowed = set(task.free((kind,))) - unknown
+        variants[kind] = []
+        for columns in starts_of(space, space.kinds[kind], model.theta):
+            first = len(directions)
+            directions += [d for d in columns if d.slot in allowed]
+            variants[kind].append(tuple(range(first, len(directions))))
+
+    return directions, variants
+
+
 def gather_in_parts(
     task: Task, model: FitResult, scales: Scales
 ) -> tuple[Candidates, np.ndarray]:
     """Gathers formulas on many flights, a few of which are in memory at once.
 
+    A variant that diverges on any flight is no candidate.
+
+    Args:
+        task: the flights and the effects to try; its free functions are left out.
+        model: about which they are linear.
+        scales: of the noise, under which they are filtered.
+
     Returns:
-        the candidates without flights, and `grams` of all.
+        the candidates without flights; and `Candidates.grams` of all flights.
     """
     task = task.offering(task.kinds)
     records = task.records
@@ -253,12 +252,14 @@ def gather_in_parts(
         parts.append(dataclasses.replace(part, flights=()))
         del part  # Before there are others.
 
-    kept = {  # What diverges on some flights is offered on none.
-        kind: tuple(v for v in own if all(v in p.variants.get(kind, ()) for p in parts))
-        for kind, own in parts[0].variants.items()
-    }
+    # A variant is kept if all parts have it.
+    variants = {}
+    for kind, own in parts[0].variants.items():
+        others = [part.variants.get(kind, ()) for part in parts]
+        common = set(own).intersection(*others)
+        if common or kind in model.kinds:
+            variants[kind] = tuple(v for v in own if v in common)
 
-    variants = {k: own for k, own in kept.items() if own or k in model.kinds}
     return dataclasses.replace(parts[0], task=task, variants=variants), grams
 
 
@@ -268,23 +269,42 @@ def _at_bounds(task: Task, model: FitResult) -> set[int]:
     Beyond it they would fit better, so that no set that moves them is physical: shapes,
     and sizes whose bound is that of no effect.
     """
+    # Within a millionth of a coefficient's scale it is at the bound.
     slots = [i for i in model.free if i not in task.vehicle.nuisance]
-    ends = np.array(task.bounds(slots))
     values = model.theta[slots]
-    is_at_end = np.any(np.abs(values - ends) < 1e-6 * task.space.scale[slots], axis=0)
+    apart = np.abs(values - np.array(task.bounds(slots)))
+    is_at_end = np.any(apart < 1e-6 * task.space.scale[slots], axis=0)
     is_none = values == task.vehicle.theta[slots]
-    is_shape = np.array([slot in task.space.shapes for slot in slots], dtype=bool)
-    return set(np.array(slots)[is_at_end & (is_shape | is_none)].tolist())
+
+    found = set()
+    for slot, at_end, none in zip(slots, is_at_end, is_none, strict=True):
+        if at_end and (none or slot in task.space.shapes):
+            found.add(slot)
+    return found
 
 
 def tame(
     task: Task, directions: Sequence[Direction], flights: Sequence[LinearFlight]
 ) -> set[int]:
-    """Sets columns that diverge on a flight to zero, and returns which those are."""
-    count = len(directions)
-    largest = _LARGEST_PUSH / task.space.scale[[d.slot for d in directions]]
-    pushes = [np.abs(flight.inputs[..., :count]).max(axis=(0, 1)) for flight in flights]
-    is_tame = np.all(np.array(pushes) < largest, axis=0)  # What is no number is not.
+    """Sets columns that diverge on a flight to zero, and returns which those are.
+
+    They push a state farther in an interval than any flight moves.
+
+    Args:
+        task: has the coefficients' scales; a push is that of one scale.
+        directions: of the first columns.
+        flights: their arrays are changed.
+
+    Returns:
+        the columns that are zero now.
+    """
+    slots = [d.slot for d in directions]
+    largest = _LARGEST_PUSH / task.space.scale[slots]
+    is_tame = np.ones(len(slots), dtype=bool)
+    for flight in flights:
+        pushes = np.abs(flight.inputs[..., : len(slots)]).max(axis=(0, 1))
+        is_tame &= pushes < largest  # What is no number is not.
+
     wild = np.flatnonzero(~is_tame)
     for flight in flights:
         flight.inputs[..., wild] = 0.0
@@ -297,20 +317,24 @@ def saturated(candidates: Candidates, rounds: int) -> FitResult:
 
     They act at once, shrunken: otherwise a missing effect would be taken for noise, or
     for gusts, before it is searched for.
+
+    Args:
+        candidates: about the model.
+        rounds: of a step of all coefficients and a fit of the scales to what is left.
     """
     model = candidates.model
-    prior = model_fit.prior_of(candidates.task, model, candidates.slots)
+    prior = prior_of(candidates.task, model, candidates.slots)
     scales = model.scales
-    acting = [
+    acting = [  # Without the columns of functions that do not act.
         dataclasses.replace(flight, added=flight.added[: len(model.functions)])
         for flight in candidates.flights
     ]
     for _ in range(rounds):
-        gram = model_fit.grams_of(acting, scales).sum(axis=0)
+        gram = grams_of(acting, scales).sum(axis=0)
         change = solve(prior.added_to(gram))
         flights = [f.combined(change) for f in acting]
         scales, _ = fit_scales(flights, scales, iterations=3)
 
     model = dataclasses.replace(model, scales=scales)
-    own = model_fit.in_surroundings(candidates.task, model, flights).about
+    own = in_surroundings(candidates.task, model, flights).about
     return dataclasses.replace(model, about=model.about | own)

@@ -1,4 +1,10 @@
-"""Flights filtered and smoothed: their likelihood, and what they say of themselves."""
+"""Flights filtered and smoothed: their likelihood, and what they say of themselves.
+
+`whiten` filters a linear flight under some scales of the noise; the squares of what
+comes out are its likelihood, or its information on coefficients. Flights of one column,
+their error, can be smoothed too: `smooth` estimates their constants and gusts, `score`
+the slopes of their likelihood by the scales.
+"""
 
 import itertools
 import math
@@ -27,14 +33,23 @@ _FAR = 3.0  # Standard deviations beyond which no constant or gust of a flight i
 
 
 class _WhitenedFlight(NamedTuple):
-    """A flight whitened."""
+    """The innovations of a flight of m columns.
 
-    innovations: np.ndarray  #: (K + 1, C, m) over their standard deviations.
-    log_variances: np.ndarray  #: (K + 1, C) of them; 0 where nothing was seen.
+    Attributes:
+        innovations: (K + 1, C, m) over their standard deviations.
+        log_variances: (K + 1, C) logarithms of their variances; 0 where nothing was
+            seen.
+    """
+
+    innovations: np.ndarray
+    log_variances: np.ndarray
 
     @property
     def cost(self) -> float:
-        """Negative log-likelihood of a single column [nats]."""
+        """Negative log-likelihood of a single column [nats], but for a constant.
+
+        ½ Σ (e² + log s) of innovations e and their variances s.
+        """
         with np.errstate(over="ignore"):  # A model may diverge.
             squares = float(np.sum(self.innovations**2))
         return 0.5 * (squares + float(self.log_variances.sum()))
@@ -59,30 +74,44 @@ def _rests(record: Record, scales: Scales) -> bool:
 
 
 def start_variances(flight: LinearFlight, scales: Scales) -> np.ndarray:
-    """Returns those of the deviations at the first node, in the filter's order."""
+    """Returns the prior variances of the deviations at the first node, (n + 8,).
+
+    They are in the order of the filter, see `linear_flight`.
+    """
     s = scales
     record = flight.record
-    launch = [*LAUNCH_SPREAD]
+
+    # An elevator that began elsewhere than others rest may be as far from its reading.
+    rest = s.rest
+    if not _rests(record, s):
+        rest = abs(record.rest - record.usual_rest)
+        if record.is_cut:  # It was logged with noise.
+            rest = max(rest, Z * Scales.elevator)
+
     servo = math.hypot(s.servo, record.departure_std)
-    off = abs(record.rest - record.usual_rest)
-    if record.is_cut:  # It was logged with noise.
-        off = max(off, Z * Scales.elevator)
-    launch[OFFSET] = s.rest if _rests(record, s) else off
     if not record.has_servo:
-        launch[OFFSET], servo = 1e-6, 0.0
-    own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
+        rest = 1e-6
+        servo = 0.0
+
+    launch = [*LAUNCH_SPREAD]
+    launch[OFFSET] = rest
     extra = s.memory * record.space.state_scale[flight.states[NUM_STATES:]]
+    own = (s.air, s.air, s.moment, servo, s.wind, s.wind, s.trim, s.pitch_zero)
     return np.square([*launch, *extra, *own])
 
 
 def whiten(
     flight: LinearFlight, scales: Scales, start: np.ndarray | None = None
 ) -> _WhitenedFlight:
-    """Filters a flight; the start's variances are given where they are others."""
-    return _whitened(_filter(flight, scales, start))
+    """Filters a flight: its errors less what the rows before predict of them.
 
-
-def _whitened(arrays: FilterArrays) -> _WhitenedFlight:
+    Args:
+        flight: of any number of columns.
+        scales: of the noise.
+        start: variances of the deviations at the first node, (n + 8,); by default
+            those of `start_variances`.
+    """
+    arrays = _filter(flight, scales, start)
     return _WhitenedFlight(arrays.innovations, np.log(arrays.variances))
 
 
@@ -92,7 +121,12 @@ def _filter(
     start: np.ndarray | None = None,
     smoothed: int = 0,
 ) -> FilterArrays:
-    """Filters a flight, of which so many nodes are to be smoothed."""
+    """Filters a flight.
+
+    Args:
+        flight, scales, start: those of `whiten`.
+        smoothed: number of nodes to be smoothed: all, or none.
+    """
     flight = flight.expanded()
     record = flight.record
     n = len(flight.states)
@@ -119,10 +153,16 @@ def _filter(
 
 
 class _Smoothed(NamedTuple):
-    """What all rows of a flight of one column say of it."""
+    """What all rows of a flight of one column say of it.
 
-    start: np.ndarray  #: (n + 8,) deviations at the first node, then the constants.
-    gusts: np.ndarray  #: (K, 2) mean velocities of the moving air in intervals [m/s].
+    Attributes:
+        start: (n + 8,) expected deviations at the first node; the last four are the
+            constants of the flight.
+        gusts: (K, 2) mean velocities of the moving air in intervals [m/s].
+    """
+
+    start: np.ndarray
+    gusts: np.ndarray
 
 
 def smooth(flight: LinearFlight, scales: Scales) -> _Smoothed:
@@ -133,7 +173,12 @@ def smooth(flight: LinearFlight, scales: Scales) -> _Smoothed:
 
 
 def _traced_back(flight, scales):
-    """Returns a smoothed flight and what `smooth_flight` writes of it, in its order."""
+    """Returns a flight's arrays, smoothed, and what `smooth_flight` writes beside them.
+
+    That is, in its order: slopes of the cost by the variances of sensors (C,), of the
+    start (n + 8,) and of the processes (4,), by the gusts' times (2,); the adjoint of
+    the first node (n + 8,).
+    """
     arrays = _filter(flight, scales, smoothed=len(flight.record.time))
     found = (
         np.empty_like(arrays.variance),
@@ -166,7 +211,10 @@ PER_FLIGHT = {
 
 
 def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray:
-    """Returns flights' winds (x, z) [m/s], trims and pitch offsets [rad], (F, 4)."""
+    """Returns the flights' constants, given all rows of each, (flights, 4).
+
+    Those are the wind in x and z [m/s], the trim and the pitch offset [rad].
+    """
     starts = in_parallel(lambda f: smooth(f, scales).start, flights)
     return np.array(starts)[:, -len(scales.of_flights) :]
 
@@ -174,35 +222,44 @@ def flight_values(flights: Sequence[LinearFlight], scales: Scales) -> np.ndarray
 def surroundings_of(
     flights: Sequence[LinearFlight], scales: Scales
 ) -> dict[str, Surroundings]:
-    """Returns each flight's constants and gusts, given all its rows, by its name."""
+    """Returns each flight's constants and gusts, given all its rows, by its name.
+
+    They are at most `_FAR` of their standard deviations.
+    """
     largest = _FAR * scales.of_flights
+    most = _FAR * scales.air
 
-    def one(flight: LinearFlight) -> Surroundings:
-        start, gusts = smooth(flight, scales)
-        own = np.clip(start[-len(largest) :], -largest, largest)
-        return Surroundings(own, np.clip(gusts, -_FAR * scales.air, _FAR * scales.air))
+    smoothed = in_parallel(lambda f: smooth(f, scales), flights)
+    found = {}
+    for flight, (start, gusts) in zip(flights, smoothed, strict=True):
+        constants = np.clip(start[-len(largest) :], -largest, largest)
+        found[flight.record.name] = Surroundings(constants, np.clip(gusts, -most, most))
 
-    found = in_parallel(one, flights)
-    return {f.record.name: own for f, own in zip(flights, found, strict=True)}
+    return found
 
 
 def negative_log_likelihood(
     flights: Sequence[LinearFlight], scales: Scales
 ) -> np.ndarray:
-    """Returns each flight's, at its single column (flights,) [nats]."""
+    """Returns that of each flight of one column, its error, (flights,) [nats]."""
     return np.array(in_parallel(lambda f: whiten(f, scales).cost, flights))
 
 
 def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
-    """Returns the cost of a flight of one column [nats], and its slopes by `logs`."""
+    """Returns the cost of a flight of one column and its slopes by the scales.
+
+    Returns:
+        the negative log-likelihood [nats], and its derivatives by `scales.logs`.
+    """
     n = len(flight.states)
     with np.errstate(over="ignore", invalid="ignore"):  # A model may diverge.
         arrays, *slopes, _ = _traced_back(flight, scales)
         by_sensor, by_start, by_power, by_time = slopes
+
         # By the logarithm of a deviation: twice the variance times the slope by it.
-        start = arrays.start
         sensors = 2.0 * arrays.variance * by_sensor
-        by_start[n : n + PROCESSES] += by_power
+        start = arrays.start
+        by_start[n : n + PROCESSES] += by_power  # The processes start as they go on.
         by_start *= 2.0 * start
         air, air_z, moment, servo, *constants = by_start[n:]
         if start[n + 3] > 0.0:  # Of it, the departure's error is no scale.
@@ -222,5 +279,5 @@ def score(flight: LinearFlight, scales: Scales) -> tuple[float, np.ndarray]:
         "rest": by_start[OFFSET] if _rests(flight.record, scales) else 0.0,
         "memory": by_start[NUM_STATES:n].sum(),
     }
-    cost = _whitened(arrays).cost
-    return cost, np.array([by_name[name] for name in NAMES])
+    whitened = _WhitenedFlight(arrays.innovations, np.log(arrays.variances))
+    return whitened.cost, np.array([by_name[name] for name in NAMES])

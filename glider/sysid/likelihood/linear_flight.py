@@ -116,7 +116,13 @@ class LinearFlight:
 
     @np.errstate(over="ignore", invalid="ignore")  # A model may diverge.
     def combined(self, weights: np.ndarray) -> "LinearFlight":
-        """Returns the flight with its error at changes δ (m,) alone, light to send."""
+        """Returns the flight with one column, its error at other coefficients.
+
+        Without the other columns it is a fraction of the memory.
+
+        Args:
+            weights: δ, (m,) changes of the coefficients; those of `added` too.
+        """
         whole = self.expanded()
         mix = np.append(-weights, 1.0)
         return dataclasses.replace(
@@ -166,6 +172,13 @@ def path_of(
 ) -> tuple[LogPath, np.ndarray]:
     """Returns what flies a log under a model, in its surroundings.
 
+    The trim of a flight turns its elevator, or pitches it, see `replayed.trimmed`.
+
+    Args:
+        record: the flight.
+        theta: the model, a vector of the record's space.
+        about: the flight's constants and gusts.
+
     Returns:
         the elevator, the air and the bank along the flight; and the numbers of the
         dynamics, theta with the flight's trim.
@@ -201,7 +214,8 @@ def linearize(
         air: the two terms that stand for gusts and winds.
     """
     space = record.space
-    # All nodes show as the first does then: a flight's own zero of the pitch is added.
+    # Sensors that read truly show all nodes alike. That does not depend on the
+    # flight's own zero of the pitch, which is added to their readings.
     is_read_truly = reads_truly(space, theta, gaussians)
     theta = theta.copy()
     theta[list(space.slots_of(PITCH_OFFSET.kind))] += about.constants[3]
@@ -232,10 +246,12 @@ def linearize(
     by_x[at_stop, OFFSET] = 0.0
     missed[at_stop, OFFSET] = 0.0
 
+    # How each column moves the end of an interval: minus the slope along a direction,
+    # and the error, without what the gusts do since they count from zero.
     inputs = np.zeros((len(ends), width, len(directions) + 1))
     inputs[:, :, moving] = -along
     by_gusts = np.sum(by_term[:, :, :2] * about.gusts[:, None], axis=2)
-    inputs[:, :, -1] = missed - by_gusts  # Gusts count from zero.
+    inputs[:, :, -1] = missed - by_gusts
 
     by_term = by_term.take(states, 1)
     moves = _moves(by_x.take(states, 1).take(states, 2), by_term, record.time)

@@ -1,4 +1,7 @@
-"""Standard deviations of sensors, moving air and flight-to-flight variation."""
+"""Standard deviations of sensors, moving air and flight-to-flight variation.
+
+They are positive, and fitted by their logarithms between `FLOOR` and `CEILING`.
+"""
 
 import dataclasses
 
@@ -42,17 +45,17 @@ class Scales:
 
     @property
     def of_flights(self) -> np.ndarray:
-        """Of flights' constants: wind in x and z, trim and pitch zero."""
+        """Of flights' constants: wind in x and z, trim and pitch zero, (4,)."""
         return np.array([self.wind, self.wind, self.trim, self.pitch_zero])
 
     @property
-    def sensors(self) -> tuple[float, float, float, float]:
-        """Of measured x, z, pitch and elevator."""
+    def sensors(self) -> tuple[float, ...]:
+        """Of measured x, z, pitch and elevator, (4,)."""
         return self.position, self.position, self.pitch, self.elevator
 
     @property
-    def times(self) -> tuple[float, float, float, float]:
-        """Correlation times of the processes [s], in the filter's order."""
+    def times(self) -> tuple[float, ...]:
+        """Correlation times of the processes, (4,) [s], in the filter's order."""
         return self.air_time, self.air_time, MOMENT_TIME, MOMENT_TIME
 
     def without(self, *names: str) -> "Scales":

@@ -27,7 +27,8 @@ from glider.sysid.constants import (
     MOST_EFFECTS,
     RIVAL_GAP,
 )
-from glider.sysid.likelihood.candidates import Candidates, HeldOutEvidence, gather
+from glider.sysid.likelihood.candidates import Candidates, gather
+from glider.sysid.likelihood.held_out import HeldOutEvidence
 from glider.sysid.likelihood.information import Evidence
 from glider.sysid.likelihood.task import FitResult, Task
 

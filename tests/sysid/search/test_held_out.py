@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from glider.physics.effects import KINDS
-from glider.sysid.likelihood.candidates import HeldOutEvidence, gather
+from glider.sysid.likelihood.candidates import gather
+from glider.sysid.likelihood.held_out import HeldOutEvidence
 from glider.sysid.likelihood.model_fit import prior_of
 from tests.helpers.searches import gain_of
 from tests.helpers.tasks import begin, fly, task_of
