@@ -83,14 +83,12 @@ class Planted:
     def is_named_by(self, effect: FoundEffect) -> bool:
         """Returns whether a found effect is this family, by name or by curve.
 
-        A curve must say its link and share a variable. One without a link is of the
-        air where it is over time or place.
+        A curve must be at its link and share a variable.
         """
         if effect.kind != "unexplained":
             return effect.kind in self.of.names
-        link = getattr(effect, "family", None) or "air"
         common = set(effect.depends_on) & set(self.of.variables)
-        return link == self.of.link and bool(common)
+        return effect.link == self.of.link and bool(common)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -211,9 +209,7 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
     wrong, one_of = {}, set()
     for effect in claims:
         named = any(p.is_named_by(effect) for p in truth.planted)
-        # A curve without a link is no name, so it cannot be a wrong one.
-        is_free = effect.kind == "unexplained" and not getattr(effect, "family", None)
-        if named or effect.kind in right or is_free:
+        if named or effect.kind in right:
             continue
         label = label_of(effect)
         rivals = set(effect.indistinguishable_from)
@@ -229,7 +225,7 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
         "found": found,
         "one_of": sorted(one_of),
         "kinds": [label_of(e) for e in result.effects],
-        "names": len(set(map(label_of, claims)) - {*truth.spreads, "unexplained"}),
+        "names": len(set(map(label_of, claims)) - truth.spreads.keys()),
         "wrong": wrong,
         "error": error,
         "perfect": perfect,
@@ -238,9 +234,8 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
 
 
 def label_of(effect: FoundEffect) -> str:
-    """Returns an effect's kind; of a curve whose link is known, the link."""
-    link = getattr(effect, "family", None) if effect.kind == "unexplained" else None
-    return f"{link} curve" if link else effect.kind
+    """Returns an effect's kind; of a curve its link."""
+    return f"{effect.link} curve" if effect.kind == "unexplained" else effect.kind
 
 
 def taken_place(
@@ -251,7 +246,7 @@ def taken_place(
     They are missed ones of its link, else all that were missed; where none was, it
     stands beside those that were found.
     """
-    link = getattr(effect, "family", None) or link_of(effect.kind)
+    link = effect.link or link_of(effect.kind)
     if others := [p for p in missed if p.of.link == link] or missed:
         return "for " + " or ".join(p.family for p in others)
     close = [p for p in planted if p.of.link == link] or planted

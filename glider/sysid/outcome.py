@@ -226,6 +226,7 @@ def _function_entry(
         words=words,
         coefficients=_find_peak(task, model, name, known),
         shape=shape,
+        link=family.link,
         depends_on=family.depends_on,
     )
 

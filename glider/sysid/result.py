@@ -54,6 +54,7 @@ class FoundEffect:
     inclusion: Number = 1.0  #: Share of the folds that find it again, 0 to 1.
     shape: str = LIBRARY_SHAPE  #: OTHER_SHAPE: the model has a free function.
     indistinguishable_from: tuple[str, ...] = ()  #: Do as well, alone or together.
+    link: str = ""  #: Of the force chain, where a free function acts; of a formula "".
     depends_on: tuple[str, ...]  #: Variables that it varies with.
 
 

@@ -110,23 +110,20 @@ def test_play_holds_the_elevator_until_it_is_taken_up():
 
 
 def test_a_family_is_found_by_name_or_by_a_curve_in_its_link():
-    def found(kind, *depends_on, family=None):
-        effect = FoundEffect(
-            kind=kind, coefficients={}, words="", depends_on=depends_on
+    def found(kind, *depends_on, link=""):
+        return FoundEffect(
+            kind=kind, coefficients={}, words="", link=link, depends_on=depends_on
         )
-        if family is not None:
-            object.__setattr__(effect, "family", family)
-        return effect
 
     ground = Planted(family="ground", form="", words="")
     assert ground.is_named_by(found("ground_effect", "z"))
     assert not ground.is_named_by(found("airspeed_dependence", "V"))
-    assert ground.is_named_by(found("unexplained", "z", family="wing_force"))
-    assert not ground.is_named_by(found("unexplained", "z", family="air"))
+    assert ground.is_named_by(found("unexplained", "z", link="wing_force"))
+    assert not ground.is_named_by(found("unexplained", "z", link="air"))
     lift = Planted(family="lift", form="", words="")
     assert not lift.is_named_by(found("unexplained", "alpha"))
     assert Planted(family="wind", form="", words="").is_named_by(
-        found("unexplained", "x")
+        found("unexplained", "x", link="air")
     )
     servo = Planted(family="servo", form="", words="")
     assert taken_place(found("downwash"), [lift, servo], [servo]) == "for servo"

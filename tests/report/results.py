@@ -52,6 +52,7 @@ UNEXPLAINED = FoundEffect(
     evidence=5000.0,
     share_of_residual=0.99,
     indistinguishable_from=(),
+    link="air",
     depends_on=("x",),
 )
 

@@ -183,14 +183,14 @@ def test_a_free_function_of_no_family_is_no_effect_of_the_library(plain):
     effect = entry_of(*plain, "air along x over x")
     assert effect.kind == "unexplained" and effect.shape == LIBRARY_SHAPE
     assert effect.words.startswith("no effect of the library: air along x that changes")
-    assert effect.depends_on == ("x",)
+    assert effect.link == "air" and effect.depends_on == ("x",)
 
 
 def test_a_free_function_of_a_family_has_not_its_formulas_shape(plain):
     effect = entry_of(*plain, "wing's force over z", "ground_effect")
     assert effect.kind == "ground_effect" and effect.shape == OTHER_SHAPE
     assert effect.words.startswith("a wing's force that changes with z")
-    assert effect.depends_on == ("z",)
+    assert effect.link == "wing_force" and effect.depends_on == ("z",)
 
 
 def test_a_formula_and_what_bends_it_are_one_effect(plain):
