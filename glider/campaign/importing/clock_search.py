@@ -331,4 +331,5 @@ def _refine(
     # Rows within the window of one cubic are not independent.
     dependent = max(SPAN / np.median(np.diff(turnings[0].time)), 1.0)
     variance = np.mean(found.fun**2) * dependent
-    return found.x, variance * np.linalg.pinv(found.jac.T @ found.jac)
+    inverse = np.linalg.pinv(found.jac)
+    return found.x, variance * inverse @ inverse.T
