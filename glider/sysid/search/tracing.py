@@ -123,7 +123,7 @@ def trace(search: Search, noise: Noise) -> SearchResult:
         evidence=evidence,
         names=_names_of(search, model, evidence),
         rivals=_rivals_of(search, model),
-        threshold=threshold_of(task, "", model.kinds),
+        threshold=threshold_of(task, "", task.vehicle.kinds),
         near=near,
         alike=alike,
     )

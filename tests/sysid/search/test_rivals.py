@@ -14,7 +14,7 @@ from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.uncertainty import uncertainty_of
 from glider.sysid.search.moves import Search
 from glider.sysid.search.subsets import near_sets, scorer_of
-from glider.sysid.search.tracing import _needed, _rivals_of
+from glider.sysid.search.tracing import _needed, _rivals_of, trace
 from tests.helpers.searches import search_among
 from tests.helpers.tasks import begin, fly, task_of
 
@@ -44,6 +44,14 @@ def test_an_idle_effect_has_no_evidence():
     near = Search(task, silent).near(model)
     shown = near.lost(near.by_first(offered))
     assert shown["profile_drag"] > 1000.0 and shown["pitch_damping"] < 5.0
+
+
+def test_the_reported_threshold_is_that_beside_others():
+    """Though a single effect, or none, needs less."""
+    task, noise = task_of(fly(flights=3))
+    traced = trace(Search(task.offering(("wind",)), silent), noise)
+    assert len(traced.model.kinds) < 2
+    assert traced.threshold == EVIDENCE_THRESHOLD
 
 
 def test_what_can_hardly_be_told_apart_is_a_rival():
