@@ -209,7 +209,9 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
     wrong, one_of = {}, set()
     for effect in claims:
         named = any(p.is_named_by(effect) for p in truth.planted)
-        if named or effect.kind in right:
+        # A formula whose size may be zero has lost its name: it cannot be a wrong one.
+        has_no_name = effect.kind == "unexplained" and not effect.link
+        if named or effect.kind in right or has_no_name:
             continue
         label = label_of(effect)
         rivals = set(effect.indistinguishable_from)
@@ -225,7 +227,7 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
         "found": found,
         "one_of": sorted(one_of),
         "kinds": [label_of(e) for e in result.effects],
-        "names": len(set(map(label_of, claims)) - truth.spreads.keys()),
+        "names": len(set(map(label_of, claims)) - {*truth.spreads, "unexplained"}),
         "wrong": wrong,
         "error": error,
         "perfect": perfect,
@@ -235,7 +237,8 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
 
 def label_of(effect: FoundEffect) -> str:
     """Returns an effect's kind; of a curve its link."""
-    return f"{effect.link} curve" if effect.kind == "unexplained" else effect.kind
+    is_curve = effect.kind == "unexplained" and effect.link
+    return f"{effect.link} curve" if is_curve else effect.kind
 
 
 def taken_place(
