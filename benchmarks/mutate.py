@@ -5,8 +5,12 @@ of the tree. The tests that import the module are run first, then those of its p
 until one fails. A fault that none notices survives: a test is missing, or the fault
 changes nothing. The draw is by the seed, so a run can be repeated on other code.
 
+Before that, all these tests run once in the copy without a fault: one that fails there
+would notice every fault. The list of survivors goes to standard output, and how each
+fault came out to standard error.
+
     python -m benchmarks.mutate [--packages glider/physics ...] [--count 20] [--seed 0]
-        [--limit 300] [--json FILE.jsonl]
+        [--limit 300] [--json FILE.jsonl] > survivors.txt
 """
 
 import argparse
@@ -27,7 +31,12 @@ import numpy as np
 from tests.changed import ROOT, folder_of
 
 PACKAGES = ("glider/physics", "glider/campaign", "glider/sysid")
-LEFT_OUT = (".git", ".venv*", "out", "__pycache__", ".*_cache", "docs")
+LEFT_OUT = (".git", ".venv*", "out", "__pycache__", ".*_cache")
+"""Not copied; the docs are, because quick tests read them."""
+
+OUTCOMES = {0: "survived", 1: "noticed"}
+"""By pytest's exit code. With any other, no test failed: pytest found none, or could
+not run."""
 
 SWAPPED: dict[type[ast.AST], Any] = {
     ast.Add: ast.Sub,
@@ -103,42 +112,74 @@ def draw(packages: list[str], count: int, seed: int) -> list[Fault]:
 
 
 def tests_of(path: str) -> list[str]:
-    """Tests that import a module, and then the tests of its package."""
+    """Tests that import a module, and then the others of its package.
+
+    By file: given a folder too, pytest would order the files by their names.
+    """
     name = path.removesuffix(".py").replace("/", ".")
-    near = [
-        str(test.relative_to(ROOT))
-        for test in sorted((ROOT / "tests").rglob("test_*.py"))
-        if f"{name} import" in test.read_text()
-    ]
-    folder = folder_of(path)
-    return [*near, *([folder] if folder else [])]
+    tests = sorted((ROOT / "tests").rglob("test_*.py"))
+    near = [test for test in tests if f"{name} import" in test.read_text()]
+    folder = ROOT / (folder_of(path) or "tests")
+    others = [test for test in tests if folder in test.parents]
+    return [str(test.relative_to(ROOT)) for test in dict.fromkeys([*near, *others])]
+
+
+def copy_tree(folder: Path) -> Path:
+    """Copies the tree into a folder, and returns the root of the copy."""
+    ignore = shutil.ignore_patterns(*LEFT_OUT)
+    return Path(shutil.copytree(ROOT, folder / "tree", ignore=ignore))
+
+
+def run_tests(
+    tests: list[str], tree: Path, limit: float | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Runs tests in a copy of the tree until one fails, or raises at the limit [s].
+
+    A test module that cannot be imported is a test that fails.
+    """
+    options = ("-q", "-x", "-p", "no:cacheprovider", "--continue-on-collection-errors")
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", *options, *tests],
+        cwd=tree,
+        env={**os.environ, "PYTHONPATH": str(tree)},
+        capture_output=True,
+        text=True,
+        timeout=limit,
+        check=False,
+    )
+
+
+def check_tests(faults: list[Fault], tree: Path) -> None:
+    """Runs the tests of all faults without any, and ends the program if one fails."""
+    paths = dict.fromkeys(fault.path for fault in faults)
+    tests = dict.fromkeys(test for path in paths for test in tests_of(path))
+    done = run_tests(list(tests), tree)
+    if done.returncode:
+        lines = (done.stdout + done.stderr).splitlines()
+        failed = [x for x in lines if x.startswith(("FAILED", "ERROR"))] or lines[-1:]
+        sys.exit(
+            "No fault was planted, because the tests fail without one: "
+            f"{' '.join(failed)} (pytest's exit code {done.returncode})."
+        )
 
 
 def plant(fault: Fault, tree: Path, limit: float) -> str:
-    """Runs tests with a fault until one fails: "noticed", "survived" or "too slow"."""
+    """Runs tests with a fault, and returns one of OUTCOMES, "too slow" or "not run"."""
     module = tree / fault.path
     right = module.read_bytes()
     wrong = right[: fault.begin] + fault.after.encode() + right[fault.end :]
     module.write_bytes(wrong)
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
     try:
-        code = subprocess.run(
-            [*command, *tests_of(fault.path)],
-            cwd=tree,
-            env={**os.environ, "PYTHONPATH": str(tree)},
-            capture_output=True,
-            timeout=limit,
-            check=False,
-        ).returncode
+        code = run_tests(tests_of(fault.path), tree, limit).returncode
     except subprocess.TimeoutExpired:
         return "too slow"
     finally:
         module.write_bytes(right)
-    return "noticed" if code else "survived"
+    return OUTCOMES.get(code, "not run")
 
 
 def main() -> None:
-    """Prints a line for each fault, and how many survived."""
+    """Plants the faults, and prints those that survived."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -149,22 +190,27 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="a line for each fault is added")
     args = parser.parse_args()
     counts: dict[str, int] = {}
+    faults = draw(args.packages, args.count, args.seed)
     with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder) / "tree"
-        shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(*LEFT_OUT))
-        for fault in draw(args.packages, args.count, args.seed):
+        tree = copy_tree(Path(folder))
+        check_tests(faults, tree)
+        packages = " ".join(args.packages)
+        print(f"Survivors of {len(faults)} faults in {packages}, seed {args.seed}:")
+        for fault in faults:
             begin = time.perf_counter()
             outcome = plant(fault, tree, args.limit)
             seconds = time.perf_counter() - begin
             counts[outcome] = counts.get(outcome, 0) + 1
-            where = f"{fault.path}:{fault.line}"
-            words = f"{fault.before} -> {fault.after}"
-            print(f"{outcome:9s} {seconds:5.0f} s  {where}  {words}", flush=True)
+            words = " ".join(f"{fault.before} -> {fault.after}".split())
+            found = f"{fault.path}:{fault.line}  {words}"
+            print(f"{outcome:9s} {seconds:5.0f} s  {found}", file=sys.stderr)
+            if outcome == "survived":
+                print(found, flush=True)
             if args.json:
                 line = {"seed": args.seed, "outcome": outcome, **fault._asdict()}
                 with args.json.open("a") as file:
                     file.write(json.dumps(line) + "\n")
-    print(f"{counts}, seed {args.seed}")
+    print(f"{counts}, seed {args.seed}", file=sys.stderr)
 
 
 if __name__ == "__main__":

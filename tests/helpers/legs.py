@@ -19,6 +19,7 @@ example."""
 FILES = (
     "benchmarks/test_bench_forms.py",
     "benchmarks/test_bench_peers.py",
+    "benchmarks/test_mutate.py",
     "benchmarks/test_power.py",
     "control/test_predictor.py",
     "diagrams/programs/test_browser.py",
