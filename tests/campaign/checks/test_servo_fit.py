@@ -295,6 +295,9 @@ def test_one_odd_flight_leaves_the_others_alone(campaign):
     flights = (dataclasses.replace(first, elevator=off), *others)
     found, [words] = identify_servo(dataclasses.replace(own, flights=flights), {})
     assert f"in {first.name}" in words
+    told = float(re.search(r"by ([\d.]+) mrad", words)[1])
+    late = np.mean(first.time > 0.3)
+    assert told == pytest.approx(30.0 * np.sqrt(late * (1.0 - late)), rel=0.15)
     assert [flight.departure is None for flight in found.flights] == [
         False,
         *[True] * 7,
