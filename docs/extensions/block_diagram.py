@@ -11,11 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from block_layouts import LAYOUTS, Layout
-from glider_drawing import BLUE, GREY, INK, save
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
+from boxes import Colors, draw_boxes
+from glider_drawing import BLUE, GREY, save
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from pydrake.systems.framework import (
     Diagram,
     InputPort,
@@ -36,9 +34,6 @@ from glider import (
 )
 
 DOCS = Path(__file__).parents[1]
-
-WIDTH, HEIGHT = 2.1, 0.9
-"""Size of a box."""
 
 OUTSIDE = "station"
 """Box that the ports of a diagram connect to, where a layout has it."""
@@ -139,53 +134,13 @@ def draw(diagram: Diagram, layout: Layout) -> Figure:
         connections = {p: w for p, w in connections.items() if OUTSIDE not in p}
     if boxes != set(layout.boxes) or set(connections) != set(layout.routes):
         raise LookupError(f"The layout is not that of {boxes}, {set(connections)}.")
-    figure = Figure(figsize=layout.size, layout="constrained")
-    FigureCanvasSVG(figure)
-    ax = figure.add_subplot()
-    ax.set_axis_off()
-    ax.set_aspect("equal")
-    ax.set_xlim(*layout.x_limits)
-    ax.set_ylim(*layout.y_limits)
-    for name, (x, y, made_by) in layout.boxes.items():
-        _draw_box(ax, x, y, name, made_by)
-    for pair, words in connections.items():
-        _draw_connection(ax, layout.routes[pair], layout.labels[pair], words)
-    return figure
+    colors = {name: _colors_of(made_by) for name, (*_, made_by) in layout.boxes.items()}
+    return draw_boxes(layout, connections, colors)
 
 
-def _draw_box(ax: Axes, x: float, y: float, name: str, made_by: str) -> None:
-    corner = (x - 0.5 * WIDTH, y - 0.5 * HEIGHT)
+def _colors_of(made_by: str) -> Colors:
     is_of_drake = made_by in ("ZeroOrderHold", "LogVectorOutput")
-    box = FancyBboxPatch(
-        corner,
-        WIDTH,
-        HEIGHT,
-        boxstyle="round,pad=0,rounding_size=0.12",
-        fc="#F4F4F4" if is_of_drake else "#E3F0F9",
-        ec=GREY if is_of_drake else BLUE,
-        lw=1.2,
-    )
-    ax.add_patch(box)
-    middle = {"ha": "center", "va": "center"}
-    ax.text(x, y + 0.16, name, weight="bold", size=10, color=INK, **middle)
-    ax.text(x, y - 0.19, made_by, size=7.8, color=INK, **middle)
-
-
-def _draw_connection(ax: Axes, route, label, words: str) -> None:
-    ax.plot(*zip(*route, strict=True), color=INK, lw=1.1, zorder=0)
-    arrow = FancyArrowPatch(
-        route[-2],
-        route[-1],
-        arrowstyle="-|>",
-        mutation_scale=11,
-        color=INK,
-        lw=1.1,
-        shrinkA=0,
-        shrinkB=0,
-    )
-    ax.add_patch(arrow)
-    x, y, align = label
-    ax.text(x, y, words, size=8.2, color=INK, ha=align, va="center")
+    return ("#F4F4F4", GREY) if is_of_drake else ("#E3F0F9", BLUE)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""The numbers that steer the analysis of a campaign, each with its reason and source.
+"""Numbers that steer the analysis of a campaign, each with its reason and source.
 
 Sources are (d) derived from a stated probability or error, (m) measured, by the
 benchmark or page that is named, or (c) a convention: chosen, and never calibrated. What
-is physics, or the step of a numerical method, stands where it is used.
+is physics, or the step of a numerical method, stands where it is used; so may a number
+of one module alone, with its reason.
 """
 
 import math

@@ -39,8 +39,8 @@ def words_drawn(figure):
 
 
 def test_every_page_has_a_picture():
-    """But for words, limits and the API, where one looks things up."""
-    without = {"glossary.md", "limits.md", "index.md"}
+    """But for limits and the API, where one looks things up."""
+    without = {"limits.md", "index.md"}
     pages = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "theory").glob("*.md")]
     shown = re.compile(r"\{figure\}|!\[")
     bare = {p.name for p in pages if not shown.search(p.read_text(encoding="utf-8"))}
@@ -82,10 +82,21 @@ def test_an_effect_is_drawn_larger_where_it_is_small(extension):
     assert small.magnification * largest <= signatures.VISIBLE
 
 
-def test_the_glider_is_drawn_as_its_command_draws_it(extension):
-    drawing = extension("glider_drawing")
-    command = "python docs/extensions/glider_drawing.py"
+@pytest.mark.parametrize("name", ["glider_drawing", "way_of_a_log"])
+def test_a_picture_is_drawn_as_its_command_draws_it(extension, name):
+    drawing = extension(name)
+    command = f"python docs/extensions/{name}.py"
     assert words_of(drawing.PICTURE) == words_drawn(drawing.draw()), command
+
+
+def test_each_box_of_the_way_of_a_log_has_a_word_in_the_glossary(extension):
+    """And is made by a function that the glossary names, or by one beside it."""
+    drawing = extension("way_of_a_log")
+    page = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    _, way = page.split("\n## The way of a log")
+    for box, (_, _, made_by) in drawing.LAYOUT.boxes.items():
+        assert box.removesuffix("s") in way.lower()
+        assert re.search(rf"\.{re.escape(made_by)}", way), made_by
 
 
 @pytest.mark.slow

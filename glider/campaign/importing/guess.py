@@ -146,7 +146,7 @@ def guess_columns(files: Sequence[Path]) -> _Columns:
     """Finds columns by their names, also where they make no flights.
 
     Returns:
-        Addresses of columns by quantity, as in `columns:` of a MAP file.
+        Addresses of columns by quantity, as a MAP file lists them.
     """
     recordings, _ = _read(sorted(map(Path, files)))
     return find_columns(recordings[0])

@@ -1,8 +1,10 @@
 """The search for effects: sets of the library, by evidence or by predictions.
 
-One loop over moves: all flights are made linear about the best model so far, better
-sets are proposed in closed form and fitted, until no move finds one. Where forces are
-unknown the best sets are those that predict held-out flights best.
+Where the forces of a glider are known, this is a loop over moves: all flights are made
+linear about the best model so far, better sets are proposed in closed form and fitted,
+until no move finds one. Where they are unknown there are no moves: the set that
+predicts held-out flights best is searched and fitted again, with the errors that the
+last one leaves in the forces, until a set comes twice or `_ROUNDS` are over.
 """
 
 import dataclasses
