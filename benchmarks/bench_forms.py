@@ -39,6 +39,7 @@ from glider.physics.effects import KINDS
 from glider.physics.parameters import GliderParameters
 from glider.sysid.pipeline import close_the_loop
 from glider.sysid.result import FoundEffect, Result
+from tests.campaign.checks import breaking as b
 from tests.helpers.lifelike import (
     COMMAND_RATE,
     Capture,
@@ -279,20 +280,15 @@ def jitter(flight: Flight, rng: np.random.Generator, _: float) -> Flight:
 
 def repeat(flight: Flight, rng: np.random.Generator, _: float) -> Flight:
     """Sends every tenth pose again."""
-    pose = flight.pose.copy()
-    for row in np.sort(rng.choice(np.arange(1, len(pose)), len(pose) // 10)):
-        pose[row] = pose[row - 1]
-    return dataclasses.replace(flight, pose=pose)
+    count = len(flight.pose)
+    for row in np.sort(rng.choice(np.arange(1, count), count // 10)):
+        flight = b.freeze(row - 1, 1)(flight)
+    return flight
 
 
 def drift(flight: Flight, _: np.random.Generator, when: float) -> Flight:
     """Shifts the servo's clock by up to 3 ms, from the first flight to the last."""
-    late = flight.time + 6e-3 * (when - 0.5)
-    elevator = np.interp(flight.time, late, flight.elevator)
-    rows = np.clip(np.searchsorted(late, flight.time, side="right") - 1, 0, None)
-    return dataclasses.replace(
-        flight, elevator=elevator, command=np.asarray(flight.command)[rows]
-    )
+    return b.shift_servo(6e-3 * (when - 0.5))(flight)
 
 
 def lose(flight: Flight, rng: np.random.Generator, _: float) -> Flight:

@@ -48,7 +48,6 @@ _CERTAIN = 0.99  # Probability above which nothing is asked: one wrong in a hund
 _RATE_LIMIT = 13.0  # Of a servo, to try frames with [rad/s]; it is not proposed.
 _MAX_FILES = 12  # Recordings that are read.
 
-_ANGLE = "elevator_angle_command"
 _Columns = dict[str, Any]  # By quantity: names, of times a list.
 _Fields = dict[str, str]  # Of `frame:`.
 
@@ -81,23 +80,26 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
     """
     recordings, join = _read(sorted(as_files(files)))
     columns = _require_pose(recordings[0])
-    is_px4 = bool(recordings[0].known)  # Its topics are in SI, and north, east, down.
     parts = [part for log in recordings for part in split_flights(log, columns)]
     parts = parts[:_MAX_FILES]
-    reasons = {} if is_px4 else guess_units(parts, columns)
-    units = {kind: yaml.safe_load(unit) for kind, (unit, _) in reasons.items()}
+    first = parts[0]
+
+    # The units that the format fixes, or else those that the numbers' ranges tell.
+    fixed = {name: unit for name, unit in first.units.items() if name in columns}
+    units = fixed if first.known else guess_units(parts, columns)
+    scales = {kind: yaml.safe_load(unit) for kind, unit in units.items()}
 
     def claim(frame: _Fields) -> ColumnMapping:
-        return _make_mapping(columns=columns, units=units, frame=frame)
+        return _make_mapping(columns=columns, units=scales, frame=frame)
 
-    # The frame that the flights make most probable.
-    if is_px4:
-        ranked = [({"axes": "NED"}, 1.0)]
-        source = "PX4's topic"
+    # The frame of the format, or else the one that the flights make most probable.
+    if first.known:
+        ranked = [({"axes": first.axes}, 1.0)]
+        source = first.known_as
         certainty = "by the format"
     else:
-        readings = _find_readings(parts[0], columns)
-        ranked = rank_frames(parts, claim, readings, _usual_up(parts[0], columns))
+        readings = _find_readings(first, columns)
+        ranked = rank_frames(parts, claim, readings, _usual_up(first, columns))
         ranked = ranked or [(readings[0][0], 0.0)]
         source = "by its name"
         certainty = _explain(ranked)
@@ -115,11 +117,9 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         # Commanded angles cannot be used without the limit.
         limit = "if you know it:" if "elevator" in columns else "? missing:"
         vehicle = f"servo  # {limit} elevator_rate_limit in rad/s"
-    if _ANGLE in columns and is_px4:
-        reasons = {_ANGLE: ("{gain: 1.0}", "? gain: angle at a command of 1 in rad")}
 
     # What the user has to check beside what was uncertain so far.
-    doubts = _find_doubts(campaign, bool({"length", "time"} & reasons.keys()))
+    doubts = _find_doubts(campaign, bool({"length", "time"} & units.keys()))
     east = re.search("east|ost|est", words_of(columns.get("y", "")))
     if "roll" in columns and east and frame.get("up") == "z":
         doubts.append("north, east and up are left-handed: check roll's sign")
@@ -130,9 +130,9 @@ def guess_mapping(files: Sequence[Path]) -> Guess:
         lines.append(f"join: {json.dumps(join)}  # the same text for * is one take")
     lines.append("columns:")
     lines += [f"  {name}: {quoted(own)}  # {source}" for name, own in columns.items()]
-    if reasons:
+    if units:
         lines.append("units:")
-    lines += [f"  {kind}: {unit}  # {why}" for kind, (unit, why) in reasons.items()]
+    lines += [f"  {kind}: {unit}" for kind, unit in units.items()]
     lines.append(f"frame:  # {certainty}")
     lines += [f"  # ? {words}" for words in doubts]
     lines += [f"  {name}: {value}" for name, value in shown.items()]

@@ -221,9 +221,7 @@ def _values(log: Recording, name: str) -> tuple[np.ndarray, str | None]:
     return np.squeeze([column.values for column in columns]), columns[0].unit
 
 
-def guess_units(
-    logs: Sequence[Recording], columns: _Columns
-) -> dict[str, tuple[str, str]]:
+def guess_units(logs: Sequence[Recording], columns: _Columns) -> dict[str, str]:
     """Guesses units that the files do not report, by the ranges of the columns.
 
     Args:
@@ -231,8 +229,9 @@ def guess_units(
         columns: addresses by quantity.
 
     Returns:
-        For fields of `units:` a unit, or a scale, as YAML, and the reason. Those of SI
-        are left out, unless they may be confused with others of the same kind.
+        For fields of `units:` a unit, or a scale, as YAML with the reason in a comment.
+        Those of SI are left out, unless they may be confused with others of the same
+        kind.
     """
     # Logs have 5 to 5000 rows in a second.
     units = {}
@@ -241,7 +240,7 @@ def guess_units(
         step = np.nanmedian(np.diff(values))
         fits = [u for u, size in UNITS["time"].items() if 2e-4 < step * size < 0.2]
         if unit is None and fits and fits[0] != "s":
-            units["time"] = fits[0], f"its median step is {step:.4g}"
+            units["time"] = f"{fits[0]}  # its median step is {step:.4g}"
 
     found = {}
     for quantities, largest in _LARGEST.items():
@@ -259,7 +258,8 @@ def guess_units(
         kind = QUANTITIES[quantity]
         if why and kind in not_si:
             field = "length" if kind == "length" else quantity
-            units[field] = unit, f"? {why}" if unit == _SI[kind] else why
+            doubt = "? " if unit == _SI[kind] else ""
+            units[field] = f"{unit}  # {doubt}{why}"
     return units
 
 

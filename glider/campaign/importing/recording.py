@@ -123,7 +123,12 @@ class Recording:
         groups: in the order of the file.
         rotation: what the columns of an attitude mean, as in `frame: rotation:`; ""
             where the format leaves it open.
-        known: addresses of the quantities whose columns the format itself fixes.
+        known: addresses of the quantities whose columns the format itself fixes; these
+            are the known columns.
+        known_as: what a known column is, for a comment in a MAP.
+        axes: those of the known columns, as in `frame: axes:`.
+        units: those of known columns that are not in SI, by quantity, as in `units:` of
+            a MAP, with a comment that says what to check.
         up: axis that points up in most files of the format; "" where none does.
         unread: why groups could not be read, by their names.
     """
@@ -132,6 +137,9 @@ class Recording:
     groups: tuple[Group, ...]
     rotation: str = ""
     known: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    known_as: str = ""
+    axes: str = ""
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     up: str = ""
     unread: Mapping[str, str] = dataclasses.field(default_factory=dict)
 

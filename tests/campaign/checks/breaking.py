@@ -248,10 +248,10 @@ def shift_servo(late):
     """Moves elevator and commands by `late` seconds against the poses."""
 
     def edit(f):
-        at = f.time - late
-        row = np.clip(np.searchsorted(f.time, at, side="right") - 1, 0, None)
+        time = f.time + late  # Of the servo's rows.
+        row = np.clip(np.searchsorted(time, f.time + 1e-9, side="right") - 1, 0, None)
         return dataclasses.replace(
-            f, command=f.command[row], elevator=np.interp(at, f.time, f.elevator)
+            f, command=f.command[row], elevator=np.interp(f.time, time, f.elevator)
         )
 
     return edit

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import yaml
 
 from glider.campaign.importing.campaign_import import read_flights
 from glider.campaign.importing.guess import guess_mapping
@@ -70,7 +71,10 @@ def test_poses_at_ten_hertz_are_too_few(tmp_path, flown):
 def test_a_guess_finds_the_topics_and_the_servo_of_the_elevator(tmp_path, flown):
     files, _ = write(tmp_path, flown)
     text = guess_mapping(files).text
-    assert "actuator_servos.control[2]" in text
+    assert "actuator_servos.control[2]  # PX4's topic" in text
+    found = yaml.safe_load(text)
+    assert found["frame"]["axes"] == "NED"
+    assert found["units"] == {"elevator_angle_command": {"gain": 1.0}}
     path = tmp_path / "GUESS.yaml"
     path.write_text(text + "  elevator_rate_limit: 6.0\n")
     assert len(read_flights(files, path).campaign.flights) == COUNT

@@ -68,7 +68,17 @@ def read_ulog(path: Path) -> Recording:
         groups.append(Group(name, columns, "timestamp"))
     if not groups:
         raise InputError(f"{path}: holds no topic; expected a log of a flight.")
-    recording = Recording(path, tuple(groups), rotation="wxyz")
+    recording = Recording(
+        path,
+        tuple(groups),
+        rotation="wxyz",
+        known_as="PX4's topic",
+        axes="NED",
+        units={
+            "elevator_angle_command": "{gain: 1.0}  # ? gain: angle at a command of 1 "
+            "in rad"
+        },
+    )
     known = _find_known(recording.names(), log.initial_parameters)
     return dataclasses.replace(recording, known=known)
 
