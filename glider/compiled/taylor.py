@@ -216,7 +216,7 @@ def _reach(model, degrees):
         above += model[1][i]
     below = above * WIDER
     k = 1 + m
-    for i in range(m):
+    for i in range(m if degrees[-1] > 1 else 0):
         if model[3][k]:
             below -= np.maximum(model[0][k], 0.0)
         k += m - i

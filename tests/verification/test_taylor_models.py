@@ -110,12 +110,14 @@ def test_a_root_is_enclosed_where_squares_count_in_one_direction():
     assert np.median(off.max(axis=0) / bounds[0]) > 0.3
 
 
-def test_values_reach_no_farther_below_and_above_the_center():
-    table, rng = monomials(4, 3), np.random.default_rng(5)
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_values_reach_no_farther_below_and_above_the_center(order):
+    """Squares tell how far, of which a linear model has none."""
+    table, rng = monomials(4, order), np.random.default_rng(5)
     coefficients = rng.normal(size=(len(table.degrees), taylor.WIDTH))
     coefficients[:, ::2] = np.abs(coefficients[:, ::2])
     sizes = np.array(
-        [np.abs(coefficients[table.degrees == i]).sum(0) for i in range(4)]
+        [np.abs(coefficients[table.degrees == i]).sum(0) for i in range(order + 1)]
     )
     lost, present = np.full(taylor.WIDTH, 0.1), np.full(len(table.degrees), True)
     model = coefficients, sizes, lost, present
@@ -124,7 +126,7 @@ def test_values_reach_no_farther_below_and_above_the_center():
     change = table.values(v) @ coefficients - coefficients[0]
     assert np.all(change.max(axis=0) + lost <= above)
     assert np.all(change.min(axis=0) - lost >= -below)
-    squares = table.exponents[table.degrees == 2].max(axis=1) == 2
+    squares = np.any(table.exponents[table.degrees == 2] == 2, axis=1)
     expected = np.maximum(coefficients[table.degrees == 2][squares], 0.0).sum(axis=0)
     assert above - below == pytest.approx(expected, abs=1e-9)
 

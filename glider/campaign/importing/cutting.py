@@ -284,4 +284,4 @@ def _slows_down(flight: Track, row: int) -> bool:
     speed = steps / np.diff(flight.time)
     before = np.median(speed[:row])
     after = np.median(speed[row:])
-    return after < _STOPPED * before
+    return bool(after < _STOPPED * before)
