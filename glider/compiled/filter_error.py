@@ -37,7 +37,7 @@ PITCH_RATE = 6
 class FilterArrays(NamedTuple):
     """A flight of K intervals, C channels and m columns, with n states, to filter.
 
-    The last four are written.
+    `mean` and the last four are written.
     """
 
     times: np.ndarray  #: (K + 1,) of the nodes [s].

@@ -1,6 +1,6 @@
 """The analysis of a campaign that `glider.sysid.pipeline` has read.
 
-log -> inspect -> smooth -> signs -> search -> errors before and after -> verdict
+log -> inspect -> signs -> smooth -> search -> errors before and after -> verdict
 """
 
 import dataclasses

@@ -1,6 +1,6 @@
 """`--guess`: a mapping proposed from names, ranges, gravity and the elevator's effect.
 
-_Columns and units are recognized by names and ranges (`recognition`). The frame is the
+Columns and units are recognized by names and ranges (`recognition`). The frame is the
 most probable one (`frame_posterior`); what is not certain is left to the user, with a
 question mark, the next best frame and what distinguishes both. The signs of elevator
 and command are those with which the flights agree. The proposal itself is imported, so

@@ -1,7 +1,7 @@
 """Effects of servo and sensors: how the elevator and the log differ from commands.
 
 Formulas of the servo take the incoming rate instead of a Flow and return the outgoing
-one. Replaying a log, `glider.physics.servo` solves the same equations exactly.
+one. Where a log is replayed, `glider.compiled.actuators` solves the same laws exactly.
 """
 
 import numpy as np

@@ -23,7 +23,7 @@ _READERS: dict[str, Callable[[Path], Recording | list[Recording]]] = {
     "MCAP": topics.read_mcap,
     "ROS bag": topics.read_bag,
 }
-"""Readers of the formats that are not text."""
+"""Readers of the formats that `delimited` does not read."""
 
 _FORMATS = {suffix: format.name for format in FORMATS for suffix in format.suffixes}
 """Names of formats by suffix."""
