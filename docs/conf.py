@@ -61,7 +61,8 @@ myst_substitutions = {
     "price": f"{constants.EVIDENCE_THRESHOLD:.1f}",
     "prior_scales": f"{constants.PRIOR_SCALES:g}",
     "rival_gap": f"{constants.RIVAL_GAP:.0f}",
-    "shape_scales": f"{constants.PRIOR_SCALES:g}",
+    "tail_spread": f"{constants.TAIL_SPREAD:.0%}",
+    "clock_error": f"{1e3 * constants.CLOCK_ERROR:g} ms",
     "tie": f"{constants.WORSE - 1.0:.1%}",
     "z": f"{constants.Z:.0f}",
 }
