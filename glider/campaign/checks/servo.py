@@ -235,9 +235,9 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
         InputError: the elevator or its commands do not move, their changes do not
             correlate at any delay, or only at one at which the elevator moves first.
     """
-    if are_still(elevators):
-        return
     moved, commanded = _travels(elevators)
+    if max(moved, commanded) < _MOVES:
+        return
     if min(moved, commanded) < _MOVES:
         campaign.refuse(
             f"column 'elevator' moves by {moved:.2g} rad at most, and "
@@ -271,13 +271,13 @@ def check_follows(campaign: Campaign, elevators: Sequence[Elevator]) -> None:
 
 def are_still(elevators: Sequence[Elevator]) -> bool:
     """Whether elevators neither move nor are commanded to, and so show nothing."""
-    return max(_travels(elevators), default=0.0) < _MOVES
+    return max(_travels(elevators)) < _MOVES
 
 
-def _travels(elevators: Sequence[Elevator]) -> tuple[float, ...]:
+def _travels(elevators: Sequence[Elevator]) -> tuple[float, float]:
     """Returns the largest travel of elevators, and of their commanded paths [rad]."""
     if not elevators:
-        return ()
+        return 0.0, 0.0
     moved = max(np.ptp(each.angle) for each in elevators if len(each.angle))
     commanded = max(np.ptp(each.follow(each.time)) for each in elevators)
     return float(moved), float(commanded)
