@@ -243,11 +243,12 @@ def _with_key(message: str, data: Any, schema: type) -> str:
     It is the key that alone in the mapping is refused likewise.
     """
     before, unknown, after = message.partition("[...]")
+    if not unknown:
+        return message
     path = before.partition("`$")[2].lstrip(".")
-    mapping = _at(data, path) if unknown else {}
     alone = copy.deepcopy(data)
     kept = _at(alone, path)
-    for key, value in mapping.items():
+    for key, value in _at(data, path).items():
         kept.clear()
         kept[key] = value
         try:
