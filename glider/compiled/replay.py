@@ -239,7 +239,7 @@ def log_slopes(
     theta = theta_of(numbers, gaussians)
     x = np.empty(n)
     usual = np.empty(n)
-    before = np.empty(n)
+    unmoved = np.empty(n)
     work = np.empty((6, n))
     tangent = linear.tangent
     tangent[:] = 0.0
@@ -272,7 +272,7 @@ def log_slopes(
             size = DIFFERENCE
             other = own
             own_rate = rate
-            put(usual, before)
+            before = usual
             in_term = j - width
             in_theta = j - width - terms.shape[0]
             if in_theta >= 0:
@@ -283,7 +283,8 @@ def log_slopes(
                 if place >= 0:
                     put(moved.states[place, k], y[first_own:])
                     base = _banked(theta_of(moved.bases[place], about), path.bank[k])
-                    put(derivatives(now, y, rate, wind_x, wind_z, base), before)
+                    put(derivatives(now, y, rate, wind_x, wind_z, base), unmoved)
+                    before = unmoved
                 own_rate += moved.rate[in_theta, k]
                 y[3] += moved.elevator[in_theta, k]
             elif in_term >= 0:
