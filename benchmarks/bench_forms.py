@@ -211,10 +211,9 @@ def judge(campaign: Campaign, truth: Truth, result: Result) -> Line:
     for effect in claims:
         named = any(p.is_named_by(effect) for p in truth.planted)
         # A formula whose size may be zero has lost its name: it cannot be a wrong one.
-        has_no_name = effect.kind == "unexplained" and not effect.link
-        if named or effect.kind in right or has_no_name:
-            continue
         label = label_of(effect)
+        if named or effect.kind in right or label == "unexplained":
+            continue
         rivals = set(effect.indistinguishable_from)
         meant = [p.family for p in missed if p.of.names & rivals]
         one_of.update(meant)
