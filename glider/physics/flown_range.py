@@ -19,21 +19,28 @@ of a free function, within which no function that flights show varies much."""
 
 
 def ranges_of(
-    model: GliderModel, values: Mapping[str, np.ndarray]
+    model: GliderModel, values: Mapping[str, np.ndarray], flight: np.ndarray
 ) -> dict[str, tuple[float, float]]:
     """Returns the flown range of each variable that a model's corrections depend on.
+
+    At least two flights reach its ends: what one alone has shown, no other has tested.
 
     Args:
         model: the corrected glider.
         values: of the variables in the flights, (n,) each.
+        flight: index of the flight of each value, (n,).
     """
     wanted = {name for effect in model.effects for name in effect.kind.depends_on}
     wanted |= {name for part in model.free_functions for name in part.variables}
-    return {
-        name: (float(values[name].min()), float(values[name].max()))
-        for name in FLOW_UNITS
-        if name in wanted
-    }
+    rows = [flight == own for own in np.unique(flight)]
+    second = min(1, len(rows) - 1)
+    ranges = {}
+    for name in FLOW_UNITS:
+        if name in wanted:
+            least = sorted(values[name][own].min() for own in rows)[second]
+            most = sorted(values[name][own].max() for own in rows)[-1 - second]
+            ranges[name] = (float(least), float(most))
+    return ranges
 
 
 def describe_departures(

@@ -40,6 +40,7 @@ from glider.sysid.result import (
     Change,
     FlightNames,
     MeasurementNoise,
+    ResidualTable,
     Result,
     UnlikeFlights,
 )
@@ -184,8 +185,7 @@ class Analysis:
             evaluated, tests = evaluate(found, baseline, spreads, rng)
 
         with self.stage("weigh", "standard errors"):
-            flown = evaluated["residual_after"].variables
-            alternatives, known = _weigh(found, signs, flown)
+            alternatives, known = _weigh(found, signs, evaluated["residual_after"])
             effects = outcome.effects_of(task, traced, tests, known, spreads, signs)
 
         flights = evaluated["flights"]
@@ -376,14 +376,14 @@ def _first_sentence(text: str) -> str:
 
 
 def _weigh(
-    found: Searched, signs: Signs, flown: Mapping[str, np.ndarray]
+    found: Searched, signs: Signs, flights: ResidualTable
 ) -> tuple[tuple[Alternative, ...], Uncertainty]:
     """Weighs the models that may be right by their evidence.
 
     Args:
         found: the chosen model and its rivals.
         signs: by which the logs were turned.
-        flown: variables of the flights (n,), by name.
+        flights: all of them, with their variables.
 
     Returns:
         the models, the chosen one first, and its errors, averaged over all.
@@ -397,7 +397,8 @@ def _weigh(
     alternatives = []
     for i, model in enumerate([traced.model, *rivals]):
         glider = outcome.model_of(task, model, signs)
-        glider = dataclasses.replace(glider, flown=ranges_of(glider, flown))
+        flown = ranges_of(glider, flights.variables, flights.flight)
+        glider = dataclasses.replace(glider, flown=flown)
         covariance = outcome.covariance_of(task, errors[i])
         alternatives.append(
             Alternative(

@@ -58,15 +58,25 @@ def test_a_model_that_was_not_traced_warns_of_nothing():
 
 
 def test_ranges_are_of_what_corrections_depend_on():
-    values = {name: np.array([-1.0, 2.0]) for name in ("alpha", "V", "x", "z")}
+    values = {name: np.array([-1.0, 2.0] * 2) for name in ("alpha", "V", "x", "z")}
     part = FreeFunction(variables=["x"], centers=[[0.0]], widths=[1.0], weights={})
     model = GliderModel(effects=(effects.GROUND_EFFECT(),), free_functions=(part,))
-    values["z"] = np.array([0.1, 0.4])
-    assert ranges_of(model, values) == {
+    values["z"] = np.array([0.1, 0.4] * 2)
+    assert ranges_of(model, values, np.array([0, 0, 1, 1])) == {
         "x": (-1.0, 2.0),
         "z": (0.1, 0.4),
         "alpha": (-1.0, 2.0),
     }
+
+
+def test_what_one_flight_alone_reached_is_not_in_the_range():
+    flight = np.repeat([0, 1, 2], 2)
+    values = {"V": np.array([2.0, 7.0, 4.0, 9.0, 3.0, 8.0])}
+    part = FreeFunction(variables=["V"], centers=[[0.0]], widths=[1.0], weights={})
+    model = GliderModel(free_functions=(part,))
+    assert ranges_of(model, values, flight) == {"V": (3.0, 8.0)}
+    one = {"V": values["V"][:2]}
+    assert ranges_of(model, one, flight[:2]) == {"V": (2.0, 7.0)}
 
 
 def test_a_file_keeps_them(tmp_path):

@@ -140,7 +140,7 @@ def _check_unit_of_pitch(campaign: Campaign, motions: Motions) -> None:
     """
     motion = motions.joined
     pitch = motion.pose[:, 2]
-    degree = np.pi / 180.0
+    degree = np.deg2rad(1.0)
     if np.ptp(np.percentile(pitch, [2, 98])) > np.pi:
         gain = degree
         clearly = 2.0

@@ -24,12 +24,9 @@ from glider.campaign.importing.track import Stream, Track, planar_pose
 from glider.errors import InputError
 
 _STEP = 0.01  # Between the offsets that are tried [s].
-_FOLLOWS = 0.5
-"""Correlation above which one signal follows the other. Measured: 0.62 to 0.97 for the
-practice campaigns' elevators at the right offset."""
 _ONLY = 2.0
 """Least ratio of the variance that is unexplained more than `_NEAR` away to that at the
-best offset."""
+best offset. The signals then correlate by sqrt(1/2) or more."""
 _NEAR = 0.25  # [s]
 _FORM = 0.004  # Error by the form of the effect, see bench_clock [s].
 _ROUNDS = 2  # Of pooling the effect of all recordings, and searching each again.
@@ -66,7 +63,7 @@ class Offset(NamedTuple):
         """Whether the signals follow one another, and only at this offset."""
         left = 1.0 - self.correlation**2
         left_elsewhere = 1.0 - self.elsewhere**2
-        return self.correlation >= _FOLLOWS and left_elsewhere >= _ONLY * left
+        return self.correlation > 0.0 and left_elsewhere >= _ONLY * left
 
 
 class _Turning(NamedTuple):

@@ -27,7 +27,7 @@ _VECTORS = ("{name}.{axis}", "{name}_{axis}", "{name} {axis}", "{name}{axis}")
 
 _MOST = 1000  # Names that are compared with one that is not there.
 
-_DEGREE = math.pi / 180.0
+_DEGREE = math.radians(1.0)
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048},

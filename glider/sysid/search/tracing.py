@@ -185,16 +185,17 @@ def _names_of(
 ) -> dict[str, str]:
     """Returns the names by which the effects of a model are reported.
 
-    A formula has its own. Beside free functions it has none where it brings less than a
-    share `SLIGHT` of the evidence, as functions leave errors of that size; or than a
-    share `EXPLAINED` of that of one that bends it. A free function has the name of the
+    A formula has its own. Beside free functions it has none where it brings, with those
+    that bend it, less than a share `SLIGHT` of the evidence, as functions leave errors
+    of that size; or less than a share `EXPLAINED` of what one that bends it does. A
+    free function has the name of the
     formula that explains it best, if one does; or of the formula with a name that it
     bends. Else it is unexplained. Beside a larger one it has no name below twice
     `RESOLVED`: functions leave errors of that size, too.
     """
     if not model.free_kinds:
         return {kind: kind for kind in model.kinds}
-    shown = _shown_beside_functions(search.task, model, evidence)
+    shown = _shown_beside_functions(search, model, evidence)
     names = {kind: kind for kind in shown if kind not in FAMILIES}
     slight = {*model.kinds} - FAMILIES.keys() - names.keys()
     shaped = search.fit(model.without(search.task, *slight))
@@ -209,23 +210,30 @@ def _names_of(
 
 
 def _shown_beside_functions(
-    task: Task, model: FitResult, evidence: Mapping[str, float]
+    search: Search, model: FitResult, evidence: Mapping[str, float]
 ) -> list[str]:
     """Returns the kinds that errors of free functions do not explain, see `_names_of`.
 
     Those of most evidence come first.
     """
+    task = search.task
     flown = flown_values(task.records, model.theta)
     sizes = {own.name: own.size(flown) for own in model.functions}
     least_size = min(2.0 * RESOLVED, max(sizes.values()))
+    least = SLIGHT * sum(evidence.values())
     shown = []
     for kind in sorted(model.kinds, key=evidence.__getitem__, reverse=True):
-        least = SLIGHT * sum(evidence.values())
+        if sizes.get(kind, least_size) < least_size:
+            continue
+        worth = evidence[kind]
         bending = [f for f in model.free_kinds if kind in FAMILIES[f].bends]
-        if bending:
-            least = EXPLAINED * max(evidence[function] for function in bending)
-        is_small = sizes.get(kind, least_size) < least_size
-        if not is_small and evidence[kind] >= least:
+        if any(worth < EXPLAINED * evidence[function] for function in bending):
+            continue
+        if bending and worth < least:
+            without = search.fit(model.without(task, kind, *bending))
+            lost = without.cost + without.freedom
+            worth = lost - (model.cost + model.freedom)
+        if worth >= least:
             shown.append(kind)
 
     return shown

@@ -148,6 +148,13 @@ def test_it_is_one_of_its_own_where_another_formula_explains_most_of_it(share, n
     }
 
 
+def test_a_formula_and_what_bends_it_may_be_slight_together():
+    """Without both the model loses 100, a share of what the others bring."""
+    evidence = {"attached_lift": 30.0, LIFT: 270.0}
+    assert "attached_lift" in names(evidence | {"profile_drag": 9600.0})
+    assert "attached_lift" not in names(evidence | {"profile_drag": 9800.0})
+
+
 def test_what_stands_for_errors_of_free_functions_has_no_name():
     """It is not what the function bends then, but may be what explains it.
 
