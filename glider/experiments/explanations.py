@@ -66,10 +66,9 @@ def _findings(
     report: Report, models: Sequence[GliderModel], own_effects: Sequence[EffectKind]
 ) -> Findings:
     """Findings of a report and its models."""
-    flights = report.settings.get("flights")
     return Findings(
         models=tuple(models),
-        flights=None if flights is None else tuple(flights),
+        flights=(*report.flights.fit, *report.flights.held_out),
         own=tuple(own_effects),
         campaign=report.campaign,
     )

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from glider.campaign.checks.inspection import inspect
 from glider.campaign.checks.masks import Masks
+from glider.campaign.checks.servo_fit import identify_servo
 from glider.campaign.logs import Campaign
 from glider.campaign.reader import load_campaign
 from glider.campaign.turning import signs_of
@@ -130,14 +131,14 @@ def next_throw(
 class Reading(NamedTuple):
     """A campaign that was read again after an analysis."""
 
-    campaign: Campaign  #: As inspected.
+    campaign: Campaign  #: Its flights that were analysed, and the servo they show.
     masks: Mapping[str, Masks]  #: Of its flights.
-    task: Task  #: On all its flights.
+    task: Task  #: On these flights.
     noise: Noise
 
 
 def read_task(campaign: Campaign, findings: Findings) -> Reading:
-    """Reads a campaign again after an analysis.
+    """Reads a campaign again after an analysis: its flights, with the servo they show.
 
     Raises:
         InputError: its flights cannot be predicted.
@@ -147,8 +148,11 @@ def read_task(campaign: Campaign, findings: Findings) -> Reading:
             f"{campaign.path}: an angle is logged with the wrong sign (angle_sign); "
             "expected logs with the right signs before commands are sent."
         )
+    if findings.flights is not None:
+        flights = tuple(f for f in campaign.flights if f.name in findings.flights)
+        campaign = dataclasses.replace(campaign, flights=flights)
     inspection = inspect(campaign)
-    campaign = inspection.campaign
+    campaign, _ = identify_servo(inspection.campaign, inspection.masks)
     vehicle = make_vehicle(campaign, log_space(findings.own))
     if not vehicle.knows_forces:
         raise InputError(

@@ -168,9 +168,14 @@ def position_errors(motions: Mapping[str, Motion]) -> dict[str, tuple[float, flo
 def _records(
     campaign: Campaign, flights: Sequence[Flight], model: GliderModel
 ) -> tuple[list[Record], Noise]:
-    """Returns flights and the campaign's noise, angles as a model knows them."""
+    """Returns flights and the campaign's noise, with a model's signs and servo."""
     signs = signs_of(model)
-    turned = turn_campaign(campaign, signs)
+    limits = model.parameters.elevator_limits
+    turned = dataclasses.replace(
+        turn_campaign(campaign, signs),
+        elevator_limits=None if limits is None else (limits[0], limits[1]),
+        elevator_rate_limit=model.parameters.elevator_rate_limit,
+    )
     noise = measure_noise(turned)
     flights = tuple(turn(flight, signs) for flight in flights)
     return prepare(flights, turned, noise, log_space_of(model)), noise

@@ -182,7 +182,8 @@ class Analysis:
                 rng = np.random.default_rng(seed)
                 change = find_change(found.session, model, rng)
             rng = np.random.default_rng(seed)
-            evaluated, tests = evaluate(found, baseline, spreads, rng)
+            specified = turn_campaign(self.inspection.campaign, signs).limits
+            evaluated, tests = evaluate(found, baseline, spreads, specified, rng)
 
         with self.stage("weigh", "standard errors"):
             alternatives, known = _weigh(found, signs, evaluated["residual_after"])
@@ -226,6 +227,7 @@ class Analysis:
             **evaluated,
             changes=() if change is None else (change,),
             evidence_threshold=traced.threshold,
+            bank_rad=traced.bank,
             air=Air(0.0 if scales.is_still else scales.air, scales.air_time),
             spreads=spreads,
             vehicle=outcome.vehicle_of(task, model, known),

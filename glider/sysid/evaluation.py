@@ -13,11 +13,12 @@ import numpy as np
 
 from glider.compiled.parallel import in_parallel
 from glider.physics.effects.families import FAMILIES
+from glider.physics.servo import Servo
 from glider.sysid.constants import EVIDENCE_THRESHOLD
 from glider.sysid.fit import prediction
 from glider.sysid.fit.floor import PerfectModel, compare
 from glider.sysid.fit.folds import HeldOut, hold_out
-from glider.sysid.fit.prediction import flown_by
+from glider.sysid.fit.prediction import RolloutModel, flown_by
 from glider.sysid.fit.unlike import predict_unlike
 from glider.sysid.likelihood.scales import Scales
 from glider.sysid.likelihood.task import FitResult, Task
@@ -61,6 +62,7 @@ def evaluate(
     searched: Searched,
     baseline: FitResult,
     spreads: Mapping[str, Spread],
+    specified: Servo,
     rng: np.random.Generator,
 ) -> tuple[dict[str, Any], HeldOut]:
     """Predicts held-out flights by all models.
@@ -69,6 +71,7 @@ def evaluate(
         searched: the flights, and the corrected model.
         baseline: the refitted one.
         spreads: flight-to-flight variations that are reported.
+        specified: limits of the servo as the campaign has them.
         rng: for the folds and the flights of a perfect model.
 
     Returns:
@@ -125,11 +128,53 @@ def evaluate(
         ),
         "errors": {**dict.fromkeys(MODELS), **found.errors},
         "left": found.left,
+        "by_commands_m": _fly_by_commands(models, unseen, specified),
         "unlike": unlike,
         "held_out": tuple(shown),
         "residual_before": _table(next(iter(models.values())), records),
         "residual_after": after,
     }, tests
+
+
+def _fly_by_commands(
+    models: Mapping[str, RolloutModel], records: Sequence[Record], specified: Servo
+) -> dict[str, float]:
+    """Flies flights by their commands alone, where elevators do not just follow them.
+
+    The nominal model has the servo as specified. The corrected one is omitted where the
+    limits of its servo explain the elevators: it always flies by commands then.
+
+    Args:
+        models: by name.
+        records: the flights, with the limits of the servo that they show.
+        specified: the limits as the campaign has them.
+
+    Returns:
+        RMS position errors [m] by model; empty where elevators follow their commands.
+    """
+    departs = any(record.departure.any() for record in records)
+    servos = {"corrected": records[0].servo} if departs else {}
+    if departs or records[0].servo != specified:
+        servos = {"nominal": specified, **servos}
+
+    rows = prediction.rows_of(records)
+    errors = {}
+    for name in servos.keys() & models.keys():
+        commanded = [
+            dataclasses.replace(
+                record,
+                departure=np.zeros_like(record.departure),
+                departure_std=0.0,
+                servo=servos[name],
+            )
+            for record in records
+        ]
+        fly = functools.partial(prediction.predict, models[name])
+        flown = [*in_parallel(fly, commanded)]
+        squares = prediction.mean_squares(commanded, flown)[:, 0]
+        errors[name] = float(np.sqrt(np.average(squares, weights=rows)))
+
+    return errors
 
 
 def _hold_out(
@@ -190,7 +235,7 @@ def without_model_errors(traced: SearchResult, spreads: Mapping[str, Spread]) ->
     ).without_floors
 
 
-def _table(flown: prediction.RolloutModel, records: Sequence[Record]) -> ResidualTable:
+def _table(flown: RolloutModel, records: Sequence[Record]) -> ResidualTable:
     """A model's residual over flights, each with the trim that it has."""
     find_launch = functools.partial(prediction.find_launch, flown)
     trims = [float(a.constants[2]) for _, a in in_parallel(find_launch, records)]

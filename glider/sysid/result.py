@@ -243,7 +243,11 @@ class Report:
     evidence_threshold: Number  #: Evidence of an effect beside others, at least [nats].
     left: Residual
     unlike: UnlikeFlights | None = None  #: None of too few flights.
+    #: Position errors (RMS) on held-out flights that models fly by commands alone, with
+    #: their own servo [m]; of the models for which that differs from `errors`.
+    by_commands_m: dict[str, Number] = dataclasses.field(default_factory=dict)
     changes: tuple[Change, ...] = ()  #: During the session, found one after the other.
+    bank_rad: Number | None = None  #: At the end of flights that seem to roll, RMS.
     air: Air
     spreads: dict[str, Spread]  #: Flight-to-flight variations, by name.
     vehicle: dict[str, Estimate]  #: Parameters that were not specified, by name.

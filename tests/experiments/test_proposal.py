@@ -1,6 +1,6 @@
 """Proposed throws tell rivals apart better than those of the present kind."""
 
-from dataclasses import replace
+import dataclasses
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import pytest
 from glider.compiled.flight import fly_tapes
 from glider.errors import InputError
 from glider.experiments.explanations import UNKNOWN, Findings, load_findings
-from glider.experiments.proposal import next_throw, propose
+from glider.experiments.proposal import next_throw, propose, read_task
 from glider.experiments.throw_limits import ThrowLimits
 from glider.physics.effects import ANGLE_SIGN
 from glider.physics.model import GliderModel
@@ -27,6 +27,16 @@ def test_both_explanations_are_left_and_weighed(late):
     assert all(e.probability > 0.05 for e in explanations)
     best, *_, worst = explanations
     assert best.log_evidence >= worst.log_evidence
+
+
+def test_a_campaign_is_read_again_with_the_flights_and_the_servo_that_were_found():
+    campaign = fly(flights=6)
+    low, high = campaign.elevator_limits
+    told = dataclasses.replace(campaign, elevator_limits=(low, 0.5 * high))
+    names = tuple(flight.name for flight in campaign.flights[1:])
+    reading = read_task(told, dataclasses.replace(FINDINGS, flights=names))
+    assert tuple(record.name for record in reading.task.records) == names
+    assert reading.campaign.limits.high > 0.6 * high
 
 
 def test_designed_throws_separate_the_explanations(late, proposal):
@@ -101,15 +111,15 @@ def test_what_is_left_is_the_air_once_all_is_known(monkeypatch):
 def test_what_cannot_be_proposed_for_is_reported():
     campaign = fly(flights=3)
     with pytest.raises(InputError, match="servo"):
-        next_throw(replace(campaign, elevator="fixed"), FINDINGS)
+        next_throw(dataclasses.replace(campaign, elevator="fixed"), FINDINGS)
     vehicle = {k: v for k, v in campaign.vehicle.items() if k != "mass"}
     with pytest.raises(InputError, match="mass"):
-        next_throw(replace(campaign, vehicle=vehicle), FINDINGS)
+        next_throw(dataclasses.replace(campaign, vehicle=vehicle), FINDINGS)
     turned = GliderModel(effects=(ANGLE_SIGN(pitch=-1.0, elevator=1.0, command=1.0),))
     with pytest.raises(InputError, match="angle_sign"):
-        next_throw(campaign, replace(FINDINGS, models=(turned,)))
+        next_throw(campaign, dataclasses.replace(FINDINGS, models=(turned,)))
     with pytest.raises(InputError, match="report's campaign is 'other'"):
-        next_throw(campaign, replace(FINDINGS, campaign="other"))
+        next_throw(campaign, dataclasses.replace(FINDINGS, campaign="other"))
     with pytest.raises(InputError, match="launches is 0"):
         next_throw(campaign, FINDINGS, launches=0)
     with pytest.raises(InputError, match="'z'"):

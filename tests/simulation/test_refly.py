@@ -84,6 +84,14 @@ def test_the_last_models_forces_explain_the_measured_accelerations(
     assert force_error(nominal["measured"], acceleration) > 3.0 * error
 
 
+def test_a_model_flies_with_the_limits_of_its_own_servo(campaign, flight):
+    low, high = campaign.elevator_limits
+    told = dataclasses.replace(campaign, elevator_limits=(low, 0.2 * high))
+    motions = refly(told, flight, {"nominal": nominal_model(told), "own": CORRECTED})
+    assert motions["nominal"].poses[:, 3].max() < 0.21 * high
+    assert motions["own"].poses[:, 3].max() > 0.5 * high
+
+
 def test_the_free_functions_of_a_model_are_flown_too(campaign, flight):
     wind = GliderModel(effects=(KINDS["wind"](x=-1.0, z=0.3),))
     weights = {"wind_x": [-1.0], "wind_z": [0.3]}

@@ -154,7 +154,8 @@ def _rivals_of(search: Search, model: FitResult) -> tuple[tuple[FitResult, float
     """Returns the fitted sets that lack little evidence, and how much [nats].
 
     First those without one of the effects. The best without each formula, whatever
-    stands for it, is fitted now if it may be nearly as likely.
+    stands for it, is fitted now if it may be nearly as likely. A set with more effects
+    is no rival where the flights are no likelier with these.
     """
     own = set(model.kinds)
     score = search.near(model)
@@ -171,9 +172,11 @@ def _rivals_of(search: Search, model: FitResult) -> tuple[tuple[FitResult, float
 
     found = []
     best = search.penalized_cost(model)
+    cost = model.cost + model.freedom
     for kinds, other in search.fitted.items():
         lack = max(search.penalized_cost(other) - best, 0.0)
-        if kinds != own and lack < RIVAL_GAP:
+        adds_nothing = own < kinds and other.cost + other.freedom >= cost
+        if kinds != own and not adds_nothing and lack < RIVAL_GAP:
             found.append((other, lack))
 
     found.sort(key=lambda pair: (own.issubset(pair[0].kinds), pair[1]))

@@ -20,6 +20,7 @@ from glider.campaign.checks.servo_forms import least_step, with_loads
 from glider.compiled.actuators import elevator_path
 from glider.physics.parameters import GliderParameters
 from glider.physics.servo import Servo
+from glider.report.wording import headline
 from glider.sysid.pipeline import close_the_loop
 from tests.helpers.tasks import fly
 
@@ -331,6 +332,21 @@ def test_a_verdict_tells_first_of_a_servo_that_differs(campaign):
     result = close_the_loop(told, effects=["profile_drag"])
     [words] = [words for words in result.log_findings if "The servo" in words]
     assert result.reason.startswith(words)
+    # By its commands, with the stop as specified, the nominal model misses the flights.
+    assert result.by_commands_m.keys() == {"nominal"}
+    nearer = result.errors["nominal"].position_rms_m
+    assert result.by_commands_m["nominal"] > 10.0 * nearer
+    assert "with the servo as specified" in headline(result)
+
+
+def test_errors_by_commands_are_told_where_elevators_do_not_follow_them(campaign):
+    """Here the poses are those of elevators that do."""
+    own, _ = moved(campaign, lose(campaign.limits))
+    result = close_the_loop(own, effects=["profile_drag"])
+    assert result.by_commands_m.keys() == {"nominal", "corrected"}
+    along = result.errors["corrected"].position_rms_m
+    assert result.by_commands_m["corrected"] < 0.5 * along
+    assert "along the measured elevator; by its commands alone" in headline(result)
 
 
 def test_of_angles_without_noise_few_steps_of_rounding_are_tried():

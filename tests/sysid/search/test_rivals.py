@@ -91,6 +91,19 @@ def test_a_rival_is_fitted_in_an_effects_place():
     assert rival.kinds == ("axial_drag",) and 0.0 <= lack < RIVAL_GAP
 
 
+def test_a_set_with_one_effect_more_that_adds_nothing_is_no_rival():
+    task, noise = task_of(fly(flights=3))
+    bare = dataclasses.replace(begin(task, noise), cost=0.0)
+    idle = dataclasses.replace(bare, kinds=("wind",), cost=0.1)
+    weak = dataclasses.replace(bare, kinds=("mass",), cost=-0.1)
+    search = types.SimpleNamespace(
+        fitted={frozenset(model.kinds): model for model in (bare, idle, weak)},
+        near=lambda model: None,
+        penalized_cost=lambda model: model.cost + len(model.kinds),
+    )
+    assert _rivals_of(search, bare) == ((weak, pytest.approx(0.9)),)
+
+
 def gains_of(score):
     """Returns the gain of each kind alone."""
     return {kind: score.gain(score.by_first([kind])) for kind in score.variants}
