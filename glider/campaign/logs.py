@@ -8,7 +8,7 @@ import dataclasses
 import functools
 import importlib
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal, NamedTuple, NoReturn
@@ -143,6 +143,22 @@ class Campaign:
     def refuse(self, words: str) -> NoReturn:
         """Raises InputError that says which campaign cannot be used, and why."""
         raise InputError(f"{self.path}: {words}")
+
+    def only(self, names: Collection[str]) -> "Campaign":
+        """Returns the campaign with some of its flights, named as their files.
+
+        Raises:
+            InputError: there is no flight of such a name.
+        """
+        chosen = {name.removesuffix(".csv") for name in names}
+        by_name = {flight.name.removesuffix(".csv"): flight for flight in self.flights}
+        for name in sorted(chosen - by_name.keys()):
+            self.refuse(
+                f"there is no flight '{name}'; expected the name of one of its "
+                f"{len(by_name)} flights."
+            )
+        flights = tuple(by_name[name] for name in by_name if name in chosen)
+        return dataclasses.replace(self, flights=flights)
 
     @classmethod
     def from_arrays(

@@ -149,8 +149,7 @@ def read_task(campaign: Campaign, findings: Findings) -> Reading:
             "expected logs with the right signs before commands are sent."
         )
     if findings.flights is not None:
-        flights = tuple(f for f in campaign.flights if f.name in findings.flights)
-        campaign = dataclasses.replace(campaign, flights=flights)
+        campaign = campaign.only(findings.flights)
     inspection = inspect(campaign)
     campaign, _ = identify_servo(inspection.campaign, inspection.masks)
     vehicle = make_vehicle(campaign, log_space(findings.own))

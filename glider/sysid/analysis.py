@@ -101,6 +101,7 @@ class Analysis:
         """Runs all stages; where the glider changed, again on one part of the session.
 
         That is the part after the change, if it has enough flights, or the longer one.
+        There the glider may have changed once more.
         """
         found = self._run()
         if not found.changes:
@@ -116,11 +117,10 @@ class Analysis:
         gone = sides[other]
         if gone and len(kept) >= _FEWEST:
             self.progress(f"{change.sentence} Again on {len(kept)} flights")
-            again = self._on(kept)._run()
-            sentences += [own.sentence for own in again.changes]
+            again = self._on(kept).run()
             sentences.append(
-                f"This report is of the {len(kept)} flights {side} then; the "
-                f"{len(gone)} {other} then are excluded (trace them with --flights)."
+                f"The {len(gone)} flights {other} then are excluded (trace them with "
+                "--flights)."
             )
             why = f"flown {other} the change at {change.flight}"
             rows = [ExcludedRows(file=name, rows=ALL, why=why) for name in gone]
@@ -151,9 +151,7 @@ class Analysis:
         They are split again into those to fit and those to hold out.
         """
         settings = self.settings
-        campaign = self.inspection.campaign
-        flights = tuple(f for f in campaign.flights if f.name in names)
-        campaign = dataclasses.replace(campaign, flights=flights)
+        campaign = self.inspection.campaign.only(names)
         fitted, _ = split_flights(campaign, settings["held_out"], settings["seed"])
         inspection = dataclasses.replace(self.inspection, campaign=campaign)
         return dataclasses.replace(self, inspection=inspection, fitted=fitted)

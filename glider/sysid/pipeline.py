@@ -65,6 +65,8 @@ def close_the_loop(
     progress(Step("read", 0.0))
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign, flights=flights)
+    elif flights is not None:
+        campaign = campaign.only(flights)
     split_flights(campaign, held_out, seed)  # Refuses too few of them at once.
     from glider.campaign.checks.inspection import inspect
 

@@ -77,6 +77,13 @@ def test_a_single_flight_is_an_outlier() -> None:
     assert changed(np.arange(9) == 8) is None
 
 
+def test_two_flights_apart_from_the_others_and_from_one_another_are_no_change() -> None:
+    """As of a formula that does not fit: a change is from one value to another."""
+    shares = np.where(np.arange(14) < 2, 0.0, 1.0)
+    assert changed(shares) is not None
+    assert changed(np.where(np.arange(14) == 0, -0.5, shares)) is None
+
+
 def test_a_change_too_small_to_report_is_left_out() -> None:
     assert changed(0.01 * (np.arange(12) >= 6)) is None
 
@@ -94,13 +101,16 @@ def test_flights_at_one_end_of_the_session(some: str, expected: bool) -> None:
     assert are_at_one_end(some, "0123456789") == expected
 
 
-def session(effect: EffectKind, sizes: np.ndarray, seed: int) -> Campaign:
-    """A campaign of as many flights as sizes of an effect, with each in turn."""
+def session(sizes: dict[EffectKind, np.ndarray], seed: int) -> Campaign:
+    """A campaign of as many flights as sizes of effects, with these in turn."""
     rng = np.random.default_rng(seed)
-    [coefficient] = effect.coefficients
     flights = []
-    for i, size in enumerate(sizes):
-        model = GliderModel(effects=(effect(**{coefficient.name: size}),))
+    for i, own in enumerate(zip(*sizes.values(), strict=True)):
+        effects = [
+            effect(**{effect.coefficients[0].name: size})
+            for effect, size in zip(sizes, own, strict=True)
+        ]
+        model = GliderModel(effects=tuple(effects))
         one = CampaignPlan(flights=1).simulate(model, rng)
         name = f"flight_{i:03d}.csv"
         flights.append(dataclasses.replace(one.flights[0], name=name))
@@ -111,7 +121,7 @@ def session(effect: EffectKind, sizes: np.ndarray, seed: int) -> Campaign:
 @pytest.mark.slow
 def test_a_lighter_glider_is_traced_alone() -> None:
     sizes = 0.1 * (np.arange(18) >= 8)
-    result = close_the_loop(session(MASS, sizes, 3))
+    result = close_the_loop(session({MASS: sizes}, 3))
     assert [change.flight for change in result.changes] == ["flight_008.csv"]
     assert result.changes[0].kind == "mass"
     assert result.verdict == "effect_found"
@@ -121,6 +131,17 @@ def test_a_lighter_glider_is_traced_alone() -> None:
     aside = [rows.file for rows in result.set_aside]
     assert aside == [f"flight_{i:03d}.csv" for i in range(8)]
     assert result.reason.startswith("At flight_008.csv 'change' of mass changes")
+
+
+@pytest.mark.slow
+def test_the_flights_since_a_change_may_hold_another() -> None:
+    order = np.arange(20)
+    sizes = {MASS: 0.1 * (order >= 6), ELEVATOR_TRIM: 0.04 * (order >= 13)}
+    result = close_the_loop(session(sizes, 5))
+    dates = {change.kind: change.flight for change in result.changes}
+    assert dates == {"mass": "flight_006.csv", "elevator_trim": "flight_013.csv"}
+    assert result.flights.count == 7
+    assert [effect.kind for effect in result.effects] == ["mass", "elevator_trim"]
 
 
 @pytest.mark.slow
@@ -134,7 +155,7 @@ def test_a_break_is_no_variation_from_flight_to_flight() -> None:
 @pytest.mark.slow
 def test_a_drift_is_not_called_noise() -> None:
     sizes = np.linspace(-0.03, 0.03, 14)
-    result = close_the_loop(session(ELEVATOR_TRIM, sizes, 4))
+    result = close_the_loop(session({ELEVATOR_TRIM: sizes}, 4))
     [change] = result.changes
     assert (change.kind, change.flight) == ("elevator_trim", "")
     assert abs(change.value - 0.06) < 4.0 * change.std
