@@ -4,7 +4,8 @@
 
 The gliders fly in the independent simulator of `benchmarks.hidden`, in moving air of
 0.1 m/s, each flight with a trim of its own. A session has 10 to 24 flights; from a
-random one on (three at least on either side) an effect acts that did not before.
+random one on (three at least on either side) an effect acts that did not before, or the
+servo lags, or stops earlier.
 
 Of sessions without a change (`nulls`) half are in the order of their launch speeds, and
 all have an effect that acts throughout: what is wrong of every flight is no change.
@@ -31,6 +32,9 @@ SIZES = {
 }
 """Effects that begin during a session, and how large they are."""
 
+SERVOS = {"servo_lag": 0.03, "upper_stop": 0.45}
+"""What else begins: a lag of the servo [s], a nearer stop [rad]."""
+
 SHAPES = {"stall_angle": 0.25, "fade": 0.05}
 
 
@@ -40,14 +44,20 @@ def begin_during_session(kind: str, seed: int) -> tuple[str, str]:
     count = int(rng.integers(10, 25))
     at = int(rng.integers(3, count - 2))
     flights = Thrower(None, seed).random(at, 0)
-    changed = Thrower(kind, seed + 1, SIZES[kind], SHAPES)
+    size = (SIZES | SERVOS)[kind]
+    if kind == "upper_stop":
+        changed = Thrower(None, seed + 1)
+        low, _ = changed.glider.elevator_limits
+        changed.glider.elevator_limits = (low, size)
+    else:
+        changed = Thrower(kind, seed + 1, size, SHAPES)
     flights += changed.random(count - at, at)
     found = close_the_loop(campaign(flights))
     name = f"flight_{at:03d}.csv"
     cells = [f"{c.kind} {c.value:+.3g} at {c.flight or 'all'}" for c in found.changes]
     effects = ", ".join(effect.kind for effect in found.effects) or "nothing"
     return (
-        f"{kind} {SIZES[kind]:+.3g} at {name} of {count}",
+        f"{kind} {size:+.3g} at {name} of {count}",
         f"{'; '.join(cells) or 'no change'} | {found.verdict}: {effects}",
     )
 
@@ -86,7 +96,7 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=2, help="sessions of each effect")
     parser.add_argument("--nulls", type=int, default=8, help="sessions without one")
-    parser.add_argument("--kinds", default=",".join(SIZES), help="effects that begin")
+    parser.add_argument("--kinds", default=",".join(SIZES | SERVOS), help="what begins")
     args = parser.parse_args()
     print("| session | change that is found | verdict and effects |\n|---|---|---|")
     for seed in range(args.seeds):

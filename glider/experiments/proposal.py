@@ -151,7 +151,7 @@ def read_task(campaign: Campaign, findings: Findings) -> Reading:
     if findings.flights is not None:
         campaign = campaign.only(findings.flights)
     inspection = inspect(campaign)
-    campaign, _ = identify_servo(inspection.campaign, inspection.masks)
+    campaign, *_ = identify_servo(inspection.campaign, inspection.masks)
     vehicle = make_vehicle(campaign, log_space(findings.own))
     if not vehicle.knows_forces:
         raise InputError(

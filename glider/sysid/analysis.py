@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.special import softmax
 
+from glider.campaign.changes import Change, by_number
 from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
 from glider.campaign.checks.rates import SCALE
 from glider.campaign.checks.servo_fit import identify_servo
@@ -27,7 +28,7 @@ from glider.progress import Progress, Step
 from glider.sysid import outcome
 from glider.sysid.constants import MANY_FLIGHTS
 from glider.sysid.evaluation import Searched, evaluate
-from glider.sysid.fit.session import are_at_one_end, by_number, find_change
+from glider.sysid.fit.session import are_at_one_end, find_change
 from glider.sysid.likelihood.model_fit import fit_model
 from glider.sysid.likelihood.outliers import find_extreme, find_outlying
 from glider.sysid.likelihood.task import Task, make_task
@@ -37,7 +38,6 @@ from glider.sysid.replay.vehicle import Vehicle, make_vehicle
 from glider.sysid.result import (
     Air,
     Alternative,
-    Change,
     FlightNames,
     MeasurementNoise,
     ResidualTable,
@@ -161,7 +161,7 @@ class Analysis:
         with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
             warm_up(self.vehicle.space)
 
-        signs, campaign, about_servo = self._corrected()
+        signs, campaign, about_servo, change = self._corrected()
         found = self._search(campaign)
         task = found.task
         traced = found.traced
@@ -175,8 +175,7 @@ class Analysis:
         with self.stage("predict", "predicting held-out flights"):
             seed = self.settings["seed"]
             spreads = outcome.spreads_of(task, model)
-            change = None
-            if traced.bank is None:  # Else flights differ by their roll.
+            if change is None and traced.bank is None:  # Else flights differ by roll.
                 rng = np.random.default_rng(seed)
                 change = find_change(found.session, model, rng)
             rng = np.random.default_rng(seed)
@@ -243,12 +242,12 @@ class Analysis:
             version=importlib.metadata.version("drake-glider"),
         )
 
-    def _corrected(self) -> tuple[Signs, Campaign, tuple[str, ...]]:
+    def _corrected(self) -> tuple[Signs, Campaign, tuple[str, ...], Change | None]:
         """Turns wrong signs back and finds the servo.
 
         Returns:
-            the signs, the campaign with these and with what its elevators do, and
-            sentences on the servo.
+            the signs, the campaign with these and with what its elevators do,
+            sentences on the servo, and its change during the session, if any.
         """
         effects = self.settings["effects"]
         logged = self.inspection.campaign
@@ -258,8 +257,7 @@ class Analysis:
             if effects is None or ANGLE_SIGN.kind in effects:
                 signs = find_signs(logged, self.fitted, masks, self.vehicle)
 
-        campaign, sentences = identify_servo(turn_campaign(logged, signs), masks)
-        return signs, campaign, sentences
+        return signs, *identify_servo(turn_campaign(logged, signs), masks)
 
     def _search(self, campaign: Campaign) -> Searched:
         """Searches the effects that the flights to fit show, without outliers."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from glider.campaign.changes import Change
 from glider.campaign.checks.masks import ExcludedRows
 from glider.errors import InputError, expect
 from glider.files.schema import Number, convert, parse_json, read_text
@@ -71,28 +72,6 @@ class Spread:
         """Standard error of the standard deviation, s / √(2 (n - 1)) of n flights."""
         count = sum(math.isfinite(value) for value in self.values.values())
         return self.std / math.sqrt(2.0 * (count - 1)) if count > 1 else math.nan
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Change:
-    """A change of the glider, or of its log, during the session."""
-
-    kind: str  #: Of the effect of which a coefficient changes.
-    coefficient: str
-    unit: str
-    value: Number  #: By how much: from the flight on, or from the first to the last.
-    std: Number  #: Its standard error.
-    flight: str  #: From which on it is changed; empty where it drifts.
-
-    @property
-    def sentence(self) -> str:
-        """What changes, by how much and when."""
-        unit = "" if self.unit == "-" else f" {self.unit}"
-        size = f"{self.value:+.3g} ± {self.std:.1g}{unit}"
-        what = f"'{self.coefficient}' of {self.kind}"
-        if self.flight:
-            return f"At {self.flight} {what} changes by {size}."
-        return f"{what} drifts by {size} from the first flight to the last."
 
 
 @dataclasses.dataclass(frozen=True)

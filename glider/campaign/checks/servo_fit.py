@@ -10,17 +10,22 @@ done; otherwise these are fitted:
    load, free play, commands that are lost or rounded.
 
 The form that makes the angles most likely is named, if it leaves less than half of what
-the plain servo does. What elevators do beside a servo of a delay, a lag and limits,
+the plain servo does. If none explains all flights, but one plain servo those up to some
+flight and another the rest, the servo changed there.
+
+What elevators do beside a servo of a delay, a lag and limits,
 named or not, is their `Departure`: flights are replayed with it, so that the
 aerodynamics are traced along the measured elevator.
 """
 
+import bisect
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from glider.campaign.changes import LEAST_SIDE, SERVO, Change, by_number
 from glider.campaign.checks.masks import Masks
 from glider.campaign.checks.servo import (
     Elevator,
@@ -74,13 +79,21 @@ _UNKNOWN = (
     ", whatever its delay, lag and limits: are commands lost or rounded, has it play, "
     "or another lag under load?"
 )
+_NUMBERS = (
+    ("lower stop", "rad", 0.1),
+    ("upper stop", "rad", 0.1),
+    ("rate limit", "rad/s", 1.0),
+    ("delay", "s", 0.01),
+    ("lag", "s", 0.01),
+)
+"""Numbers of an even servo, and the scales by which their changes are compared."""
 _SURELY = 5.0  # Standard errors of what is not by chance, whatever is tried.
 _MOSTLY = 0.5  # Share of a departure's evidence that its cause may leave.
 
 
 def identify_servo(
     campaign: Campaign, masks: Mapping[str, Masks]
-) -> tuple[Campaign, tuple[str, ...]]:
+) -> tuple[Campaign, tuple[str, ...], Change | None]:
     """Compares the measured elevators of a campaign with its servo.
 
     Args:
@@ -89,27 +102,34 @@ def identify_servo(
 
     Returns:
         The campaign with the limits that the servo shows and with the departures of
-        elevators from it, and a sentence for each of the two that changed.
+        elevators from it; a sentence for each of the two that changed; and how the
+        servo changes during the session, if it does.
     """
     log = campaign.servo
     if log.angle != "measured" or log.command == "reconstructed":
-        return campaign, ()
+        return campaign, (), None
     elevators = _measure(campaign, masks)
     specified = LateServo(*campaign.limits)
     if are_still(elevators) or Fit(servo=specified, elevators=elevators).explains:
-        return campaign, ()
+        return campaign, (), None
 
     plain = fit_servo(elevators, specified, log.command_std)
     found = _find_cause(campaign, masks, plain)
+    change = None
+    if not found.explains:
+        sides = _find_break(plain, log.command_std)
+        if sides:
+            change = _change_of(*sides)
+
     told = []
     if found.free in _LIMITS:
         campaign, sentence = _with_limits(campaign, found.servo.limits)
         told.append(sentence)
         plain = found
         if found.explains:
-            return campaign, (sentence,)
+            return campaign, (sentence,), None
     elif plain.explains and not found.cause:
-        return campaign, ()  # A delay and a lag are effects to be traced.
+        return campaign, (), None  # A delay and a lag are effects to be traced.
 
     # A few flights may be odd, or lose commands: the others follow a plain servo.
     if found.servo == found.servo.even:
@@ -120,7 +140,7 @@ def identify_servo(
             plain = plain.on(odd)
             found = found.on(odd)
     changed, sentence = _with_departures(campaign, plain, found)
-    return changed, (*told, sentence)
+    return changed, (*told, sentence), change
 
 
 def measure_elevator_noise(campaign: Campaign, masks: Mapping[str, Masks]) -> float:
@@ -144,9 +164,7 @@ def _find_cause(campaign: Campaign, masks: Mapping[str, Masks], plain: Fit) -> F
     has none; or the plain one where nothing explains them.
     """
     command_std = campaign.servo.command_std
-    even = plain
-    if not plain.explains:
-        even = _fit_limits(plain, command_std)
+    even = _fit_limits(plain, command_std)
     loaded = with_loads(campaign, masks, plain.elevators)
     causes = []
     for form in _UNEVEN:
@@ -164,6 +182,8 @@ def _fit_limits(plain: Fit, command_std: float) -> Fit:
 
     They are the first of _LIMITS that leave but noise, or the likeliest.
     """
+    if plain.explains:
+        return plain
     limited = []
     for free in _LIMITS:
         fit = fit_servo(plain.elevators, plain.servo, command_std, free)
@@ -171,6 +191,67 @@ def _fit_limits(plain: Fit, command_std: float) -> Fit:
             return _better(plain, [fit])
         limited.append(fit)
     return _better(plain, limited)
+
+
+def _find_break(plain: Fit, command_std: float) -> list[Fit]:
+    """Finds the flight at which the servo changes for another.
+
+    Before it are as many flights, by number, as a delay, a lag and limits explain. Both
+    sides together are off by noise alone, as halves of a departure are not.
+
+    Args:
+        plain: a servo that does not explain all elevators.
+        command_std: see `fit_servo`.
+
+    Returns:
+        The servos before and since then; none where there is no such flight.
+    """
+
+    def fit(some: list[Elevator]) -> Fit:
+        return _fit_limits(fit_servo(some, plain.servo, command_std), command_std)
+
+    elevators = sorted(plain.elevators, key=lambda each: by_number(each.name))
+    counts = range(LEAST_SIDE + 1, len(elevators))
+    at = LEAST_SIDE + bisect.bisect_left(
+        counts, True, key=lambda count: not fit(elevators[:count]).explains
+    )
+    if len(elevators) - at < LEAST_SIDE:
+        return []
+    parts = elevators[:at], elevators[at:]
+    sides = [fit(part) for part in parts]
+    # A side that does not reach a limit has that of the other.
+    shared = []
+    for own in sides:
+        if fit_servo(elevators, own.servo, command_std).explains:
+            return []
+        shared.append([fit_servo(part, own.servo, command_std) for part in parts])
+
+    for fits in (*shared, sides):
+        if sum(side.departures.evidence for side in fits) < LEAST_EVIDENCE:
+            return fits
+    return []
+
+
+def _change_of(before: Fit, since: Fit) -> Change:
+    """Returns the change of the number of a servo that differs most.
+
+    Stops and rates without a limit are those that nothing exceeds.
+    """
+    fastest = np.abs(before.commands).max()
+    most = -MAX_ANGLE, MAX_ANGLE, fastest, 0.0, 0.0
+    numbers = np.array([before.servo[:5], since.servo[:5]])
+    old, new = np.where(np.isfinite(numbers), numbers, most).tolist()
+    scales = [scale for _, _, scale in _NUMBERS]
+    place = int(np.argmax(np.abs(np.subtract(new, old)) / scales))
+    name, unit, _ = _NUMBERS[place]
+    return Change(
+        kind=SERVO,
+        coefficient=name,
+        unit=unit,
+        value=new[place] - old[place],
+        flight=since.elevators[0].name,
+        before=old[place],
+    )
 
 
 def _better(before: Fit, others: Sequence[Fit]) -> Fit:

@@ -15,12 +15,12 @@ where λ and Λ are the precisions of the priors.
 """
 
 import dataclasses
-import re
 from collections.abc import Collection, Iterable
 
 import numpy as np
 from scipy.special import fdtrc, stdtr
 
+from glider.campaign.changes import LEAST_SIDE, Change, by_number
 from glider.sysid.constants import LEAST_SPREAD
 from glider.sysid.fit.folds import LinearFlights
 from glider.sysid.likelihood.candidates import Candidates
@@ -29,7 +29,6 @@ from glider.sysid.likelihood.information import Prior, counted_from
 from glider.sysid.likelihood.model_fit import error_flights
 from glider.sysid.likelihood.scales import FLOOR, Scales
 from glider.sysid.likelihood.task import FitResult, Task
-from glider.sysid.result import Change
 from glider.sysid.search.tracing import without_late
 
 # Probability of a change in a session without one (c); each of two tests has half.
@@ -37,7 +36,6 @@ _LEVEL = 0.001
 # If none gains as much, p is half of the level.
 _PERMUTATIONS = round(2.0 / _LEVEL) - 1
 _ALIKE = 0.01  # Probability of values that scatter less alike (c).
-_LEAST_SIDE = 2  # Flights on either side of a break: one alone is an outlier.
 _FEWEST = 5  # Flights whose scatter about two means says anything.
 
 
@@ -137,7 +135,7 @@ def change_of(
 
     # Shares (k, n) of the flights in each change, by their order. Row i of the triangle
     # is the break at flight i; the first and last leave too few on a side.
-    breaks = np.triu(np.ones((count, count)))[_LEAST_SIDE : count - _LEAST_SIDE + 1]
+    breaks = np.triu(np.ones((count, count)))[LEAST_SIDE : count - LEAST_SIDE + 1]
     shares = np.vstack([breaks, np.linspace(-0.5, 0.5, count)])
     slots = [candidates.slots[j] for j in columns]
     least = LEAST_SPREAD * candidates.task.space.scale[slots]
@@ -189,7 +187,7 @@ def change_of(
         unit=coefficient.unit,
         value=float(sizes[row, column]),
         std=float(stds[row, column]),
-        flight="" if is_drift else names[order[row + _LEAST_SIDE]],
+        flight="" if is_drift else names[order[row + LEAST_SIDE]],
     )
 
 
@@ -208,17 +206,11 @@ def _columns_of(candidates: Candidates, grams: np.ndarray) -> list[int]:
     return [j for j in sizes if np.any(grams[:, j, j] > 0.0)]
 
 
-def by_number(name: str) -> list[tuple[int, str]]:
-    """Returns the key by which flight_2 comes before flight_10."""
-    parts = re.split(r"(\d+)", name)
-    return [(int(part) if part.isdecimal() else -1, part) for part in parts]
-
-
 def are_at_one_end(some: Collection[str], names: Iterable[str]) -> bool:
     """Whether two flights or more are the first, or the last, of all by number."""
     ordered = sorted(names, key=by_number)
     count = len(some)
-    if not _LEAST_SIDE <= count <= len(ordered) - _LEAST_SIDE:
+    if not LEAST_SIDE <= count <= len(ordered) - LEAST_SIDE:
         return False
     return set(some) in (set(ordered[:count]), set(ordered[-count:]))
 

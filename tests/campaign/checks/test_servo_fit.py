@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks.bench_servo import FAULTS, simulate
 from glider.campaign.checks.masks import masks_of
 from glider.campaign.checks.servo import (
     CommandTape,
@@ -71,14 +72,14 @@ def follow(limits, **servo):
 )
 def test_effects_of_a_servo_are_left_to_be_traced(campaign, servo):
     own, _ = moved(campaign, follow(campaign.limits, **servo))
-    assert identify_servo(own, {}) == (own, ())
+    assert identify_servo(own, {}) == (own, (), None)
 
 
 def test_a_stop_that_is_nearer_is_found(campaign):
     low, high, rate = campaign.limits
     high = 0.6 * max(f.elevator.max() for f in campaign.flights)
     own, _ = moved(campaign, follow(Servo(low, high, rate)))
-    found, [words] = identify_servo(own, {})
+    found, [words], _ = identify_servo(own, {})
     assert found.elevator_limits == (low, pytest.approx(high, abs=0.003))
     assert found.elevator_rate_limit == rate
     assert f"and {found.limits.high:.3g} rad and turns by {rate:.3g} rad/s" in words
@@ -89,7 +90,7 @@ def test_a_stop_that_nobody_specified_is_used(campaign):
     high = 0.6 * max(f.elevator.max() for f in campaign.flights)
     told = dataclasses.replace(campaign, elevator_limits=None)
     own, _ = moved(told, follow(campaign.limits._replace(low=-np.inf, high=high)))
-    found, [words] = identify_servo(own, {})
+    found, [words], _ = identify_servo(own, {})
     assert "its own limits are used" in words
     assert found.limits.high == pytest.approx(high, abs=0.003)
 
@@ -99,7 +100,7 @@ def test_a_stop_that_is_farther_is_found(campaign):
     narrow = (campaign.elevator_limits[0], 0.6 * reached)
     told = dataclasses.replace(campaign, elevator_limits=narrow)
     own, _ = moved(told, follow(campaign.limits))
-    found, [words] = identify_servo(own, {})
+    found, [words], _ = identify_servo(own, {})
     assert found.limits.high > reached - 0.02
     assert "its own limits are used" in words
 
@@ -108,7 +109,7 @@ def test_a_slower_servo_is_found(campaign):
     fastest = max(np.abs(f.command).max() for f in campaign.flights)
     limits = campaign.limits._replace(rate=0.5 * fastest)
     own, _ = moved(campaign, follow(limits))
-    found, [words] = identify_servo(own, {})
+    found, [words], _ = identify_servo(own, {})
     assert found.elevator_rate_limit == pytest.approx(limits.rate, rel=0.02)
     assert found.elevator_limits == campaign.elevator_limits
     assert "rad/s at most" in words
@@ -127,7 +128,7 @@ def lose(limits, share=0.04):
 
 def test_lost_commands_are_a_departure(campaign):
     own, true = moved(campaign, lose(campaign.limits))
-    found, [words] = identify_servo(own, {})
+    found, [words], _ = identify_servo(own, {})
     assert "departs from its commands" in words
     errors = []
     stds = set()
@@ -186,7 +187,8 @@ def round_commands(step):
 )
 def test_what_makes_a_servo_uneven_is_named(campaign, path, words, number, error):
     own, true = moved(campaign, path)
-    found, [sentence] = identify_servo(own, {})
+    found, [sentence], change = identify_servo(own, {})
+    assert change is None
     assert sentence.startswith("The servo ")
     [value] = re.findall(words, sentence)
     assert float(value) == pytest.approx(number, abs=error)
@@ -201,6 +203,81 @@ def test_what_makes_a_servo_uneven_is_named(campaign, path, words, number, error
         given = tape.switches, tape.commands, flight.time, LIMITS
         path = elevator_path(*given, start=departure.rest, time_constant=lag)
         assert np.std(path + departure.angle - angle) < 3.0 * departure.std
+
+
+def swapped(campaign, before, since, at=4):
+    """Returns the campaign with another servo from a flight on, by their numbers."""
+    paths = [moved(campaign, path)[0].flights for path in (before, since)]
+    flights = [
+        dataclasses.replace(paths[i >= at][i], name=f"flight_{7 + i}.csv")
+        for i in range(len(campaign.flights))
+    ]
+    flights.sort(key=lambda flight: flight.name)  # 10 comes before 7.
+    return dataclasses.replace(campaign, flights=tuple(flights))
+
+
+@pytest.mark.parametrize(
+    ("since", "name", "old", "new"),
+    [
+        (follow(LIMITS._replace(high=0.3)), "upper stop", LIMITS.high, 0.3),
+        (follow(LIMITS._replace(low=-0.1)), "lower stop", LIMITS.low, -0.1),
+        (follow(LIMITS._replace(rate=5.0)), "rate limit", LIMITS.rate, 5.0),
+        (follow(LIMITS, delay=0.02), "delay", 0.0, 0.02),
+        (follow(LIMITS, time_constant=0.03), "lag", 0.0, 0.03),
+    ],
+    ids=["stop", "lower stop", "rate", "delay", "lag"],
+)
+def test_a_servo_that_changes_is_dated(campaign, since, name, old, new):
+    session = swapped(campaign, follow(LIMITS), since)
+    found, _, change = identify_servo(session, {})
+    assert (change.kind, change.coefficient, change.flight) == (
+        "servo",
+        name,
+        "flight_11.csv",
+    )
+    assert change.before == pytest.approx(old, abs=0.002)
+    assert change.before + change.value == pytest.approx(new, rel=0.03, abs=0.002)
+    assert change.sentence.startswith(f"At flight_11.csv the servo changes: its {name}")
+    assert f" {change.unit}, before " in change.sentence
+    # Where either side has too few flights, all are replayed as they were measured.
+    assert any(flight.departure is not None for flight in found.flights)
+
+
+def test_a_limit_of_all_flights_is_no_change(campaign):
+    """The flights before show no stop, as they are commanded less."""
+    limits = LIMITS._replace(high=0.3)
+    flights = [
+        dataclasses.replace(f, command=0.2 * f.command) for f in campaign.flights[:4]
+    ]
+    mild = dataclasses.replace(campaign, flights=(*flights, *campaign.flights[4:]))
+    session = swapped(mild, follow(limits), follow(limits, time_constant=0.03))
+    _, _, change = identify_servo(session, {})
+    assert (change.coefficient, change.flight) == ("lag", "flight_11.csv")
+
+
+def test_a_limit_that_explains_all_flights_is_no_change():
+    """The fit to all of them misses it, that to the first three finds it."""
+    own = simulate(FAULTS["rate limit"], 41, 6).campaign
+    _, _, change = identify_servo(own, {})
+    assert change is None
+
+
+@pytest.mark.parametrize("at", [1, 7])
+def test_a_single_flight_with_another_servo_is_no_change(campaign, at):
+    servos = [follow(LIMITS), follow(LIMITS, time_constant=0.04)]
+    first, then = servos if at == 7 else servos[::-1]
+    _, _, change = identify_servo(swapped(campaign, first, then, at), {})
+    assert change is None
+
+
+@pytest.mark.parametrize(
+    "since", [hold_others, uneven(play=0.03), uneven(lag=0.03, skew=0.8)]
+)
+def test_a_servo_that_becomes_uneven_has_no_plain_one_since_then(campaign, since):
+    session = swapped(campaign, follow(LIMITS), since)
+    _, [sentence], change = identify_servo(session, {})
+    assert change is None
+    assert "departs from its commands" in sentence
 
 
 @pytest.mark.parametrize("number", ["lag_by_load", "rate_by_load"])
@@ -220,7 +297,7 @@ def test_a_servo_that_weakens_under_load_is_named(campaign, number):
         elevators = measure_elevators(own, {})
         loads = iter([each.load for each in with_loads(own, {}, elevators)])
         own, _ = moved(campaign, path)
-    _, [sentence] = identify_servo(own, {})
+    _, [sentence], _ = identify_servo(own, {})
     kind = "lag" if "lag" in number else "rate limit"
     assert f"has a {kind} that" in sentence
 
@@ -231,7 +308,7 @@ def test_a_log_that_rounds_commands_is_named(campaign):
         dataclasses.replace(f, command=1.0 * np.round(f.command)) for f in own.flights
     ]
     told = dataclasses.replace(own, flights=tuple(flights))
-    _, [sentence] = identify_servo(told, {})
+    _, [sentence], _ = identify_servo(told, {})
     assert "a log that rounds commands, in steps of 1 rad/s" in sentence
 
 
@@ -294,7 +371,7 @@ def test_one_odd_flight_leaves_the_others_alone(campaign):
     first, *others = own.flights
     off = first.elevator + 0.03 * (first.time > 0.3)
     flights = (dataclasses.replace(first, elevator=off), *others)
-    found, [words] = identify_servo(dataclasses.replace(own, flights=flights), {})
+    found, [words], _ = identify_servo(dataclasses.replace(own, flights=flights), {})
     assert f"in {first.name}" in words
     told = float(re.search(r"by ([\d.]+) mrad", words)[1])
     late = np.mean(first.time > 0.3)
@@ -316,14 +393,14 @@ def test_an_elevator_that_is_never_commanded_shows_no_servo(campaign):
         for flight in campaign.flights
     ]
     still = dataclasses.replace(campaign, flights=tuple(flights))
-    assert identify_servo(still, {}) == (still, ())
+    assert identify_servo(still, {}) == (still, (), None)
 
 
 def test_angles_that_were_not_measured_show_no_servo(campaign):
     own, _ = moved(campaign, lose(campaign.limits))
     for log in ({"angle": "reconstructed"}, {"command": "reconstructed"}):
         told = dataclasses.replace(own, servo=dataclasses.replace(own.servo, **log))
-        assert identify_servo(told, {}) == (told, ())
+        assert identify_servo(told, {}) == (told, (), None)
 
 
 def test_a_verdict_tells_first_of_a_servo_that_differs(campaign):

@@ -9,13 +9,13 @@ import pytest
 
 from benchmarks.bench_changes import begin_during_session
 from glider import close_the_loop
+from glider.campaign.changes import Change, by_number
 from glider.campaign.logs import Campaign
 from glider.physics.effects import ELEVATOR_TRIM, MASS, EffectKind
 from glider.physics.model import GliderModel
 from glider.simulation.campaigns import CampaignPlan
-from glider.sysid.fit.session import are_at_one_end, by_number, change_of
+from glider.sysid.fit.session import are_at_one_end, change_of
 from glider.sysid.replay.log_space import log_space
-from glider.sysid.result import Change
 
 ROWS = 40  # Of each flight.
 
@@ -150,6 +150,13 @@ def test_a_break_is_no_variation_from_flight_to_flight() -> None:
     planted, found = begin_during_session("elevator_trim", 64)
     assert planted == "elevator_trim +0.05 at flight_007.csv of 18"
     assert found.startswith("elevator_trim +0.049") and "at flight_007.csv" in found
+
+
+@pytest.mark.slow
+def test_another_servo_is_dated_and_one_part_is_traced() -> None:
+    planted, found = begin_during_session("upper_stop", 57)
+    assert planted.endswith("at flight_003.csv of 18")
+    assert found == "servo -0.497 at flight_003.csv | no_effect: nothing"
 
 
 @pytest.mark.slow
