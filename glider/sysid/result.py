@@ -126,6 +126,11 @@ class Residual:
         return is_improbable or self.ratio_to_floor > NO_CHANCE
 
     @property
+    def is_below_floor(self) -> bool:
+        """Whether noise and air were overestimated: so much less is never chance."""
+        return self.ratio_to_floor < 1.0 / NO_CHANCE
+
+    @property
     def may_be_chance(self) -> bool:
         """Whether a perfect model may leave as much: never more than MOST_LEFT."""
         return not (self.exceeds_chance or self.ratio_to_floor > MOST_LEFT)

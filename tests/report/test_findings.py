@@ -112,6 +112,8 @@ def test_the_reason_follows_the_verdict():
         (13.25, 5.3e-3, "error of 5.30 mm (RMS) on held-out flights, 13.2 times that"),
         (12_499_590.0, 2.0, "2,000 mm (RMS) on held-out flights, 12,499,590 times"),
         (math.inf, 0.02, "20.0 mm (RMS) on held-out flights; it varies with V."),
+        (0.41, 0.02, "held-out flights, no more than a perfect model would leave;"),
+        (0.39, 0.02, "held-out flights; noise and moving air as strong as estimated"),
     ],
 )
 def test_what_is_left_is_a_length_and_a_ratio(ratio, position, text):
