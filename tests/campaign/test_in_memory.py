@@ -12,6 +12,7 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from glider.physics.model import GliderModel
+from glider.sysid.pipeline import close_the_loop
 from tests.campaign.importing import foreign
 
 VEHICLE = {"mass": 0.08, "elevator_limits": (-0.4463, 0.9473)}
@@ -45,6 +46,13 @@ def assert_same(made, campaign, **tolerance):
             if field.name in ("attitude", "command_time", "departure"):
                 continue
             np.testing.assert_allclose(ours, theirs, **(tolerance or {"rtol": 0}))
+
+
+def test_some_flights_of_a_campaign_are_chosen_by_name(campaign):
+    last = campaign.flights[-1]
+    assert campaign.only([last.name.removesuffix(".csv")]).flights == (last,)
+    with pytest.raises(InputError, match="no flight 'flight_999'; expected the name"):
+        close_the_loop(campaign, flights=["flight_999.csv"])
 
 
 def test_arrays_give_what_files_give(tmp_path, campaign):
