@@ -3,16 +3,22 @@
 A number θ with standard errors s₁, s₂ in two independent campaigns has changed by
 θ₂ - θ₁ ± √(s₁² + s₂²). With n numbers compared, one change counts where it is beyond
 what the largest of n standard normal ones exceeds in one comparison of a hundred.
+
+An effect that one report lacks counts as none there. Its evidence is below the
+threshold T of an effect, and evidence is about (θ/s)²/2, so that s√(2T) is its standard
+error, by that of the other report.
 """
 
 import dataclasses
 import math
+from pathlib import Path
 
 from rich.console import Console
 from rich.text import Text
 from scipy.special import ndtri  # scipy.stats takes 0.4 s to import.
 
 from glider.files.schema import Number
+from glider.physics.effects import KINDS
 from glider.report import numbers
 from glider.report.terminal import make_table, writer
 from glider.report.wording import counted, name_of
@@ -48,8 +54,8 @@ class Comparison:
 
 def compare(first: Report, second: Report) -> Comparison:
     """Compares two reports."""
-    a = _values(first)
-    b = _values(second)
+    a = _values(first) | _absent(first, second)
+    b = _values(second) | _absent(second, first)
     names = dict.fromkeys((*a, *b))
     differences = [_difference(name, a.get(name), b.get(name)) for name in names]
     compared = [abs(d.z) for d in differences if math.isfinite(d.z)]
@@ -99,14 +105,37 @@ def _values(report: Report) -> dict[str, Estimate]:
     return values
 
 
+def _absent(report: Report, other: Report) -> dict[str, Estimate]:
+    """Sizes of the effects that a report lacks and another one has, by name.
+
+    Not of one that is indistinguishable from an effect that it has.
+    """
+    own = {effect.kind for effect in report.effects}
+    share = math.sqrt(2.0 * report.evidence_threshold)
+    return {
+        f"{effect.kind}.{size.name}": Estimate(
+            size.default, share * effect.coefficients[size.name].std, size.unit
+        )
+        for effect in other.effects
+        if effect.kind in KINDS
+        and own.isdisjoint((effect.kind, *effect.indistinguishable_from))
+        for size in KINDS[effect.kind].coefficients
+        if size.name in effect.coefficients
+        and (not size.is_shape or KINDS[effect.kind].stage == "actuator")
+    }
+
+
 def print_comparison(
-    comparison: Comparison, first: Report, second: Report, console: Console
+    comparison: Comparison,
+    first: tuple[Report, Path],
+    second: tuple[Report, Path],
+    console: Console,
 ) -> None:
-    """Prints a table of all numbers side by side."""
+    """Prints a table of all numbers side by side, below the reports and their files."""
     write = writer(console)
-    for letter, report in (("A", first), ("B", second)):
-        flights = counted(report.flights.fit, "flight")
-        write(f"{letter}: {report.campaign}, {flights}")
+    for letter, (report, file) in (("A", first), ("B", second)):
+        flights = counted(report.flights.fit, "fitted flight")
+        write(f"{letter}: {file.parent}, campaign {report.campaign}, {flights}")
 
     write(comparison.summary, "bold")
     write()
@@ -122,7 +151,8 @@ def print_comparison(
 
     console.print(table)
     write(
-        "σ: change divided by its standard error; * marks what chance cannot explain."
+        "σ: change divided by its standard error; * marks what chance cannot explain. "
+        "An effect that a report lacks is none there, ± what would not be found."
     )
 
 

@@ -10,9 +10,10 @@ from pathlib import Path as FilePath
 import numpy as np
 from pydrake.solvers import MathematicalProgramResult, SnoptSolver, SolverOptions
 
-from glider.errors import expect
+from glider.errors import InputError, expect, show
 from glider.physics.flown_range import warn_beyond
 from glider.physics.model import GliderModel, as_model
+from glider.physics.parameters import GliderParameters
 from glider.planning.constraints import Violation, constraints_of, find_violations
 from glider.planning.path import Path
 from glider.planning.plan import Plan
@@ -35,28 +36,30 @@ _FEW = 25
 """Knots that show whether there is a plan."""
 
 
-class PlanningError(RuntimeError):
+class PlanningError(InputError):
     """No plan was found.
 
     Attributes:
         status: of the solver.
         violations: what the path found violates, the largest amount in SI units first.
+        cause: what may be the cause, a sentence after a blank, if anything is known.
     """
 
-    def __init__(self, status: str, violations: list[Violation]):
+    def __init__(self, status: str, violations: list[Violation], cause: str = ""):
         """Composes the message of the attributes."""
         self.status = status
         self.violations = violations
+        self.cause = cause
         text = f"No plan (SNOPT: {status}). "
         if violations:
             worst = violations[0]
             text += f"The path found violates '{worst.name}' the most, "
             text += f"by {worst.size}."
-        super().__init__(text)
+        super().__init__(text + cause)
 
     def __reduce__(self):
         """Pickles by what `PlanningError` holds, not by its message."""
-        return type(self), (self.status, self.violations)
+        return type(self), (self.status, self.violations, self.cause)
 
 
 def plan(
@@ -97,7 +100,7 @@ def plan(
     violations = find_violations(constraints, path)
     worst = violations[0].amount if violations else 0.0
     if not result.is_success() or worst > _KEPT:
-        raise PlanningError(_status(result), violations)
+        raise PlanningError(_status(result), violations, _cause(model))
     warn_beyond("The plan", model, path.times, states, inputs)
     return Plan(
         times=path.times,
@@ -148,6 +151,17 @@ def _options() -> SolverOptions:
     options.SetOption(own, "Elastic weight", _ELASTIC_WEIGHT)
     options.SetOption(own, "Major iterations limit", 300)
     return options
+
+
+def _cause(model: GliderModel) -> str:
+    """What may be why a glider has no plan: that its elevator turns little."""
+    own, usual = model.parameters.servo, GliderParameters().servo
+    if own.low <= usual.low and own.high >= usual.high:
+        return ""
+    return (
+        f" The model's elevator_limits, {show(own[:2])} rad, are narrower than the "
+        f"default glider's, {show(usual[:2])} rad, which may be why."
+    )
 
 
 def _status(result: MathematicalProgramResult) -> str:

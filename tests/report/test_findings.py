@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.masks import ExcludedRows
+from glider.paths import cache_folder
 from glider.report.error_table import position_rms, rank_flights
 from glider.report.folder import to_html
 from glider.report.plots.style import COLORS
@@ -249,10 +250,14 @@ def test_every_section_has_an_anchor_and_is_in_the_contents():
     assert headings["section-warnings"] == "Warnings"
 
 
-def test_a_page_names_no_folder_of_the_machine():
-    result = make_result(path=Path("/home/somebody/.cache/glider/head_wind"))
-    assert "somebody" not in to_html(result)
-    assert "From head_wind." in flat(Page(to_html(result)).text)
+def test_a_page_names_a_campaign_and_the_folder_around_but_no_more_of_the_machine():
+    sample = cache_folder() / "head_wind", "head_wind"
+    own = Path("/home/somebody/a21/head_wind"), "a21/head_wind"
+    for path, name in (sample, own):
+        page = to_html(make_result(path=path))
+        assert "somebody" not in page
+        assert str(cache_folder()) not in page
+        assert f"From {name}." in flat(Page(page).text)
 
 
 def test_one_flight_is_one_and_an_empty_setting_none():
