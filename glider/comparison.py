@@ -6,7 +6,8 @@ what the largest of n standard normal ones exceeds in one comparison of a hundre
 
 An effect that one report lacks counts as none there. Its evidence is below the
 threshold T of an effect, and evidence is about (θ/s)²/2, so that s√(2T) is its standard
-error, by that of the other report.
+error, by that of the other report. None is one that the flights do not distinguish from
+another one.
 """
 
 import dataclasses
@@ -26,6 +27,11 @@ from glider.sysid.result import Estimate, Report
 
 _FALSE_ALARM = 0.01
 """Probability that any change is reported between campaigns of one glider."""
+
+_SIZES = {
+    f"{k}.{c.name}" for k in KINDS for c in KINDS[k].coefficients if not c.default
+}
+"""Coefficients of effects that are 0 where there is no such effect."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -54,8 +60,16 @@ class Comparison:
 
 def compare(first: Report, second: Report) -> Comparison:
     """Compares two reports."""
-    a = _values(first) | _absent(first, second)
-    b = _values(second) | _absent(second, first)
+    a = _values(first)
+    b = _values(second)
+    share = math.sqrt(2.0 * first.evidence_threshold)
+    effects = (*first.effects, *second.effects)
+    doubted = {kind for effect in effects for kind in effect.indistinguishable_from}
+    for own, others in ((a, b), (b, a)):
+        for name, known in others.items():
+            if name in _SIZES and name.split(".")[0] not in doubted:
+                none = Estimate(0.0, share * known.std, known.unit)
+                own.setdefault(name, none)
     names = dict.fromkeys((*a, *b))
     differences = [_difference(name, a.get(name), b.get(name)) for name in names]
     compared = [abs(d.z) for d in differences if math.isfinite(d.z)]
@@ -103,26 +117,6 @@ def _values(report: Report) -> dict[str, Estimate]:
         values[f"vehicle.{name}"] = estimate
 
     return values
-
-
-def _absent(report: Report, other: Report) -> dict[str, Estimate]:
-    """Sizes of the effects that a report lacks and another one has, by name.
-
-    Not of one that is indistinguishable from an effect that it has.
-    """
-    own = {effect.kind for effect in report.effects}
-    share = math.sqrt(2.0 * report.evidence_threshold)
-    return {
-        f"{effect.kind}.{size.name}": Estimate(
-            size.default, share * effect.coefficients[size.name].std, size.unit
-        )
-        for effect in other.effects
-        if effect.kind in KINDS
-        and own.isdisjoint((effect.kind, *effect.indistinguishable_from))
-        for size in KINDS[effect.kind].coefficients
-        if size.name in effect.coefficients
-        and (not size.is_shape or KINDS[effect.kind].stage == "actuator")
-    }
 
 
 def print_comparison(

@@ -141,7 +141,7 @@ def test_a_fault_of_a_report_is_named(tmp_path, change, message):
 
 
 def test_what_is_no_report_is_told(tmp_path):
-    with pytest.raises(InputError, match="of close-the-loop: No such file"):
+    with pytest.raises(InputError, match="of close-the-loop, to be run first"):
         load(tmp_path)
     (tmp_path / "report.json").write_text("no")
     with pytest.raises(InputError, match="not readable as JSON"):
@@ -165,7 +165,8 @@ def test_the_command_prints_a_table_or_json(tmp_path, capsys):
     assert wind["z"] > data["z_significant"]
     assert main(["compare", str(first), str(tmp_path / "none")]) == 2
     assert (
-        "not a report.json of close-the-loop: No such file" in capsys.readouterr().err
+        "not a report.json of close-the-loop, to be run first"
+        in capsys.readouterr().err
     )
 
 

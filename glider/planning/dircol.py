@@ -40,26 +40,24 @@ class PlanningError(InputError):
     """No plan was found.
 
     Attributes:
-        status: of the solver.
+        status: of the solver, and what may be the cause, if that is known.
         violations: what the path found violates, the largest amount in SI units first.
-        cause: what may be the cause, a sentence after a blank, if anything is known.
     """
 
-    def __init__(self, status: str, violations: list[Violation], cause: str = ""):
+    def __init__(self, status: str, violations: list[Violation]):
         """Composes the message of the attributes."""
         self.status = status
         self.violations = violations
-        self.cause = cause
         text = f"No plan (SNOPT: {status}). "
         if violations:
             worst = violations[0]
             text += f"The path found violates '{worst.name}' the most, "
             text += f"by {worst.size}."
-        super().__init__(text + cause)
+        super().__init__(text)
 
     def __reduce__(self):
         """Pickles by what `PlanningError` holds, not by its message."""
-        return type(self), (self.status, self.violations, self.cause)
+        return type(self), (self.status, self.violations)
 
 
 def plan(
@@ -100,7 +98,7 @@ def plan(
     violations = find_violations(constraints, path)
     worst = violations[0].amount if violations else 0.0
     if not result.is_success() or worst > _KEPT:
-        raise PlanningError(_status(result), violations, _cause(model))
+        raise PlanningError(_status(result) + _cause(model), violations)
     warn_beyond("The plan", model, path.times, states, inputs)
     return Plan(
         times=path.times,
@@ -158,9 +156,9 @@ def _cause(model: GliderModel) -> str:
     own, usual = model.parameters.servo, GliderParameters().servo
     if own.low <= usual.low and own.high >= usual.high:
         return ""
+    limits = show(own[:2])
     return (
-        f" The model's elevator_limits, {show(own[:2])} rad, are narrower than the "
-        f"default glider's, {show(usual[:2])} rad, which may be why."
+        f"; its elevator_limits, {limits} rad, are narrower than the default glider's"
     )
 
 
