@@ -89,7 +89,8 @@ def print_rehearsal(rehearsal: Rehearsal, console: Console) -> None:
     console.print(table)
     write()
     write(
-        f"Power: share of campaigns that name the effect; visible from: {VISIBLE:.0%}."
+        "Power: share of campaigns in which the effect is named; visible from: least "
+        f"size with a power of {VISIBLE:.0%}."
     )
     for sentence in confusions(rehearsal):
         write(sentence)

@@ -41,13 +41,6 @@ def counted(items: Sized, noun: str) -> str:
     return f"{len(items)} {noun}{'' if len(items) == 1 else 's'}"
 
 
-def campaign_of(result: Result) -> str:
-    """The campaign's name; unless it is a sample, after the folder around, if given."""
-    is_sample = cache_folder() in result.path.parents
-    around = () if is_sample else result.path.parts[-2:-1]
-    return "/".join((*around, result.campaign))
-
-
 def words_of(result: Result, kinds: Iterable[str]) -> list[str]:
     """Short phrases for kinds of effects."""
     known = {**KINDS, **{e.kind: e for e in result.own_effects}}
@@ -108,8 +101,8 @@ TEMPLATES.globals |= {
     "DIVERGED": numbers.DIVERGED,
     "angle": numbers.format_angle,
     "baseline": baseline,
-    "campaign_of": campaign_of,
     "both": lambda r: all(r.errors.get(m) for m in (baseline(r), "corrected")),
+    "cache_folder": cache_folder,
     "counted": counted,
     "error": lambda r, model: error_of(r, model, FREE),
     "estimate": numbers.format_estimate,
