@@ -126,7 +126,7 @@ def test_flights_are_chosen_by_name(desk):
     picks.nth(0).click()
     assert panels.count() == 2 * 3
     assert titles.first.inner_text() == "flight_104"
-    page.get_by_role("button", name="reset").click()
+    page.get_by_role("button", name="initial choice").click()
     assert panels.count() == 4 * 3
 
 
