@@ -277,7 +277,9 @@ class Report:
 def read_report(path: Path) -> tuple[Report, Path]:
     """Reads a report: its folder, or its report.json; also returns the file."""
     file = path / "report.json" if path.is_dir() else path
-    data = parse_json(read_text(file, "a report.json of close-the-loop"), str(file))
+    data = parse_json(
+        read_text(file, "a report.json of close-the-loop, to be run first"), str(file)
+    )
     try:
         return convert(data, Report, str(file)), file
     except InputError as error:

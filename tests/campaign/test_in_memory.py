@@ -185,7 +185,7 @@ def test_a_frame_with_missing_cells_times_and_texts(campaign):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"z": None}, "flight_001.csv: flight: there is no column 'z'"),
+        ({"z": None}, "flight_001.csv: header: there is no column 'z'"),
         ({"pitch": np.nan}, "flight_001.csv: column 'pitch', row 0: found nan"),
         ({"x": "far"}, "flight_001.csv: column 'x', row 0: found 'far'"),
         ({"z": "short"}, "flight_001.csv: column 'z' has 9 values; expected 103"),
