@@ -3,16 +3,23 @@
 A number θ with standard errors s₁, s₂ in two independent campaigns has changed by
 θ₂ - θ₁ ± √(s₁² + s₂²). With n numbers compared, one change counts where it is beyond
 what the largest of n standard normal ones exceeds in one comparison of a hundred.
+
+An effect that one report lacks counts as none there. Its evidence is below the
+threshold T of an effect, and evidence is about (θ/s)²/2, so that s√(2T) is its standard
+error, by that of the other report. None is one that the flights do not distinguish from
+another one.
 """
 
 import dataclasses
 import math
+from pathlib import Path
 
 from rich.console import Console
 from rich.text import Text
 from scipy.special import ndtri  # scipy.stats takes 0.4 s to import.
 
 from glider.files.schema import Number
+from glider.physics.effects import KINDS
 from glider.report import numbers
 from glider.report.terminal import make_table, writer
 from glider.report.wording import counted, name_of
@@ -20,6 +27,11 @@ from glider.sysid.result import Estimate, Report
 
 _FALSE_ALARM = 0.01
 """Probability that any change is reported between campaigns of one glider."""
+
+_SIZES = {
+    f"{k}.{c.name}" for k in KINDS for c in KINDS[k].coefficients if not c.default
+}
+"""Coefficients of effects that are 0 where there is no such effect."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -50,6 +62,14 @@ def compare(first: Report, second: Report) -> Comparison:
     """Compares two reports."""
     a = _values(first)
     b = _values(second)
+    share = math.sqrt(2.0 * first.evidence_threshold)
+    effects = (*first.effects, *second.effects)
+    doubted = {kind for effect in effects for kind in effect.indistinguishable_from}
+    for own, others in ((a, b), (b, a)):
+        for name, known in others.items():
+            if name in _SIZES and name.split(".")[0] not in doubted:
+                none = Estimate(0.0, share * known.std, known.unit)
+                own.setdefault(name, none)
     names = dict.fromkeys((*a, *b))
     differences = [_difference(name, a.get(name), b.get(name)) for name in names]
     compared = [abs(d.z) for d in differences if math.isfinite(d.z)]
@@ -100,13 +120,16 @@ def _values(report: Report) -> dict[str, Estimate]:
 
 
 def print_comparison(
-    comparison: Comparison, first: Report, second: Report, console: Console
+    comparison: Comparison,
+    first: tuple[Report, Path],
+    second: tuple[Report, Path],
+    console: Console,
 ) -> None:
-    """Prints a table of all numbers side by side."""
+    """Prints a table of all numbers side by side, below the reports and their files."""
     write = writer(console)
-    for letter, report in (("A", first), ("B", second)):
-        flights = counted(report.flights.fit, "flight")
-        write(f"{letter}: {report.campaign}, {flights}")
+    for letter, (report, file) in (("A", first), ("B", second)):
+        flights = counted(report.flights.fit, "fitted flight")
+        write(f"{letter}: {file.parent}, campaign {report.campaign}, {flights}")
 
     write(comparison.summary, "bold")
     write()
@@ -122,7 +145,8 @@ def print_comparison(
 
     console.print(table)
     write(
-        "σ: change divided by its standard error; * marks what chance cannot explain."
+        "σ: change divided by its standard error; * marks what chance cannot explain. "
+        "An effect that a report lacks is none there, ± what would not be found."
     )
 
 

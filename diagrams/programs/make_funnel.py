@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     from glider.control.tvlqr import tracking_policy
     from glider.physics.confidence import describe_set, make_confidence
     from glider.physics.model import GliderModel, load_covariance
-    from glider.planning.dircol import PlanningError, plan
+    from glider.planning.dircol import plan
     from glider.planning.problem import PerchingProblem
     from glider.verification.funnel.build import make_funnel
     from glider.verification.funnel.funnel import save_funnel
@@ -123,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
                 seed=args.seed,
                 progress=progress,
             )
-    except (PlanningError, SolverError) as error:
+    except SolverError as error:
         raise InputError(f"{args.model}: {error}") from None
     _warn_beyond(funnel)
     save_funnel(args.out, funnel)

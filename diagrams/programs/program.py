@@ -38,7 +38,6 @@ from glider.errors import (
 )
 from glider.files.writing import check_writable, write_text
 from glider.physics.parameters import GliderParameters
-from glider.planning.dircol import PlanningError
 from glider.planning.plan import Plan
 from glider.planning.problem import Hook
 from glider.progress import Progress as Progress
@@ -226,7 +225,7 @@ def run(main: Callable[[], None]) -> int:
     warnings.showwarning = print_warning
     try:
         main()
-    except (InputError, PlanningError) as error:
+    except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except OSError as error:

@@ -100,9 +100,10 @@ def _read_columns(recording: Recording, campaign: Campaign) -> dict[str, np.ndar
         wanted += logs.SERVO_COLUMNS
         for lacking in sorted(set(logs.SERVO_COLUMNS) - given):
             raise InputError(
-                f"{recording.path}: column '{lacking}' is missing; expected it, or in "
-                "campaign.yaml 'elevator: fixed' under 'vehicle:' (a tail that does "
-                "not move), or 'columns:' (other logs of commands)."
+                f"{recording.path}: column '{lacking}' is missing"
+                f"{recording.hint(lacking)}; expected it, or in campaign.yaml "
+                "'elevator: fixed' under 'vehicle:' (a tail that does not move), or "
+                "'columns:' (other logs of commands)."
             )
     if given >= set(logs.ATTITUDE_COLUMNS):
         wanted += logs.ATTITUDE_COLUMNS
@@ -116,8 +117,10 @@ def _read_column(recording: Recording, name: str) -> np.ndarray:
 
     A column has a unit where the file has one for it, otherwise it is in SI.
     """
-    _, column = recording.find(name, "flight")
-    recording.refuse(~np.isfinite(column.values), name, "a finite number")
+    _, column = recording.find(name, "header")
+    recording.refuse(
+        ~np.isfinite(column.values), name, "a finite number, and no empty cell"
+    )
     if column.unit is None:
         return column.values
     kind = QUANTITIES.get(name, "time")
@@ -151,7 +154,7 @@ def _check_units(recording: Recording, columns: dict[str, np.ndarray]) -> None:
     for name, (bound, expected) in _BOUNDS.items():
         if name in columns:
             is_beyond = np.abs(columns[name]) > bound
-            recording.refuse(is_beyond, name, f"±{bound:.4g} {expected}")
+            recording.refuse(is_beyond, name, f"less than ±{bound:.4g} {expected}")
     steps = np.hypot(np.diff(columns["x"]), np.diff(columns["z"]))
     speed = np.median(steps / np.diff(columns["time"]))
     if speed > _MAX_SPEED:

@@ -229,6 +229,11 @@ class Campaign:
         return Servo(low, high, self.elevator_rate_limit or math.inf)
 
     @property
+    def has_moving_elevator(self) -> bool:
+        """Whether a servo turns the elevator in any flight."""
+        return any(f.elevator is not None and np.ptp(f.elevator) for f in self.flights)
+
+    @property
     def gravity(self) -> float:
         """Acceleration of gravity, the usual one if it is not given [m/s²]."""
         return self.vehicle.get("gravity", GliderParameters().gravity)
@@ -282,7 +287,7 @@ def split_flights(
         0 < held_out_fraction < 1,
         "The held-out fraction",
         held_out_fraction,
-        "a number between 0 and 1",
+        "more than 0 and less than 1",
     )
     num_held_out = min(max(round(held_out_fraction * count), 1), count - 2)
     order = np.random.default_rng(seed).permutation(count)

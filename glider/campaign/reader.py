@@ -47,8 +47,15 @@ def load_campaign(
             f"expected a folder with campaign.yaml and flight_*.csv ({HOW_TO_IMPORT})."
         )
     campaign, mapping = read_settings(file)
-    logs = [read_recording(path / name) for name in _choose(path, flights)]
-    return make_campaign(campaign, mapping, logs)
+    try:
+        logs = [read_recording(path / name) for name in _choose(path, flights)]
+        return make_campaign(campaign, mapping, logs)
+    except InputError as error:
+        text = str(error).rstrip(".")
+        if flights or not text.startswith(f"{path / 'flight_'}"):
+            raise
+        advice = "to leave the file out, name others with --flights"
+        raise InputError(f"{text}; {advice}.") from None
 
 
 def make_campaign(

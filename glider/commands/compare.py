@@ -33,9 +33,8 @@ def run(args: argparse.Namespace) -> int:
     from glider.files.schema import json_text
     from glider.sysid.result import read_report
 
-    first, _ = read_report(args.first)
-    second, _ = read_report(args.second)
-    comparison = compare(first, second)
+    first, second = read_report(args.first), read_report(args.second)
+    comparison = compare(first[0], second[0])
     if args.json:
         print(json_text(comparison))
     else:

@@ -47,16 +47,16 @@ def add_arguments(parser: CommandParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Runs it; returns the exit code."""
     folder = output_folder(args.out, args.campaign, "next_throw")
-
-    report = args.report or default_folder(args.campaign)
-
     with working() as progress:
+        from glider.campaign.samples import campaign_folder
         from glider.compiled.parallel import workers_of
         from glider.experiments.explanations import load_findings
         from glider.experiments.proposal import next_throw
         from glider.experiments.throw_limits import load_limits
 
         limits = load_limits(args.limits) if args.limits else None
+        campaign_folder(args.campaign)  # Else its report would be missed.
+        report = args.report or default_folder(args.campaign)
         with workers_of(args.cluster):
             proposal = next_throw(
                 args.campaign,

@@ -43,6 +43,7 @@ def working(
     """
     from rich import progress
     from rich.console import Console
+    from rich.table import Column
 
     console = Console(stderr=True)
     with progress.Progress(
@@ -50,8 +51,13 @@ def working(
         progress.BarColumn(20),
         progress.TaskProgressColumn(),
         progress.TimeRemainingColumn() if is_even else progress.TimeElapsedColumn(),
-        progress.TextColumn("{task.description}", markup=False),
+        progress.TextColumn(
+            "{task.description}",
+            markup=False,
+            table_column=Column(ratio=1, no_wrap=True),
+        ),
         console=console,
+        expand=True,
         disable=not console.is_interactive,
         transient=True,
     ) as bar:

@@ -10,8 +10,9 @@ from glider.files.writing import check_writable
 
 
 def names(text: str) -> list[str]:
-    """Splits names at commas."""
-    return [name.strip() for name in text.split(",") if name.strip()]
+    """Splits names at commas; each counts once."""
+    parts = (name.strip() for name in text.split(","))
+    return list(dict.fromkeys(filter(None, parts)))
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -98,6 +99,9 @@ def output_folder(out: Path | None, campaign: Path, *parts: str) -> Path:
         raise InputError(f"--out {folder}: is a file; expected a folder.")
     foreign = (folder / "model.yaml").exists() > (folder / "report.json").exists()
     if foreign or (folder / "campaign.yaml").exists():
-        raise InputError(f"--out {folder}: is not of a report; expected a new folder.")
+        raise InputError(
+            f"--out {folder}: has a campaign.yaml, or a model.yaml without the report "
+            "that it belongs to; expected another folder."
+        )
     check_writable(folder)
     return folder

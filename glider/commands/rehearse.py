@@ -4,6 +4,7 @@ import argparse
 
 from glider.commands.output import output, working
 from glider.commands.parsing import CommandParser, default_folder, output_folder
+from glider.errors import expect
 
 DESCRIPTION = """\
 Rehearses a campaign: which effects would its flights show, from which size up, and what
@@ -19,7 +20,8 @@ examples:
   glider rehearse throws --no-flights
 
 The model of the glider is that of --report; without a report, the campaign is traced
-first. Ten effects take about two minutes.
+first. Its campaign.yaml must give the mass and areas of the glider, and effects that
+the model has already cannot be planted. Ten effects take about two minutes.
 
 exit code: 0 when it ran, 2 when the input cannot be used.
 """
@@ -30,9 +32,9 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_campaign()
     words = "folder that close-the-loop wrote of it (default: out/CAMPAIGN, if there)"
     parser.add_path("--report", "DIR", words)
-    words = "effects to plant (default: ten that are likely)"
+    words = "effects to plant, none that the model has (default: ten that are likely)"
     parser.add_effects("--effects", words)
-    words = "their size, in typical ones of the catalogue (default: 1)"
+    words = "their size, 0.001 to 3 typical ones of the catalogue (default: 1)"
     parser.add_number("--size", words, 1.0, kind=float, least=1e-3, most=3.0)
     parser.add_switch("--no-flights", "draw campaigns only; fly and trace none")
     parser.add_out("rehearsal.json and rehearsal.png", "out/CAMPAIGN/rehearsal")
@@ -45,15 +47,23 @@ def run(args: argparse.Namespace) -> int:
     folder = output_folder(args.out, args.campaign, "rehearsal")
     report = args.report or default_folder(args.campaign)
     with working() as progress:
+        from glider.campaign.samples import campaign_folder
         from glider.experiments.explanations import load_findings
         from glider.experiments.rehearsal import rehearse
         from glider.files.schema import json_text
         from glider.report.rehearsal import print_rehearsal, to_json, write_rehearsal
+        from glider.sysid.pipeline import check_names
 
+        check_names(args.effects)
+        name = campaign_folder(args.campaign).resolve().name
         has_report = args.report or (report / "report.json").exists()
+        findings = load_findings(report) if has_report else None
+        if findings:
+            found = findings.campaign
+            expect(found == name, f"{report}: its campaign", found, f"'{name}'")
         rehearsal = rehearse(
             args.campaign,
-            load_findings(report) if has_report else None,
+            findings,
             effects=args.effects,
             size=args.size,
             flies=not args.no_flights,

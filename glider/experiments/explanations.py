@@ -91,7 +91,7 @@ class Explanation:
     def name(self) -> str:
         """Its effects and the free functions that it carries, joined."""
         carried = [own.name for own in self.model.functions]
-        return " + ".join([*self.model.kinds, *carried]) or "plate alone"
+        return " + ".join([*self.model.kinds, *carried]) or "flat plate"
 
 
 def explain(task: Task, noise: Noise, findings: Findings) -> tuple[Explanation, ...]:

@@ -10,9 +10,10 @@ from pathlib import Path as FilePath
 import numpy as np
 from pydrake.solvers import MathematicalProgramResult, SnoptSolver, SolverOptions
 
-from glider.errors import expect
+from glider.errors import InputError, expect, show
 from glider.physics.flown_range import warn_beyond
 from glider.physics.model import GliderModel, as_model
+from glider.physics.parameters import GliderParameters
 from glider.planning.constraints import Violation, constraints_of, find_violations
 from glider.planning.path import Path
 from glider.planning.plan import Plan
@@ -35,11 +36,11 @@ _FEW = 25
 """Knots that show whether there is a plan."""
 
 
-class PlanningError(RuntimeError):
+class PlanningError(InputError):
     """No plan was found.
 
     Attributes:
-        status: of the solver.
+        status: of the solver, and what may be the cause, if that is known.
         violations: what the path found violates, the largest amount in SI units first.
     """
 
@@ -97,7 +98,7 @@ def plan(
     violations = find_violations(constraints, path)
     worst = violations[0].amount if violations else 0.0
     if not result.is_success() or worst > _KEPT:
-        raise PlanningError(_status(result), violations)
+        raise PlanningError(_status(result) + _cause(model), violations)
     warn_beyond("The plan", model, path.times, states, inputs)
     return Plan(
         times=path.times,
@@ -148,6 +149,17 @@ def _options() -> SolverOptions:
     options.SetOption(own, "Elastic weight", _ELASTIC_WEIGHT)
     options.SetOption(own, "Major iterations limit", 300)
     return options
+
+
+def _cause(model: GliderModel) -> str:
+    """What may be why a glider has no plan: that its elevator turns little."""
+    own, usual = model.parameters.servo, GliderParameters().servo
+    if own.low <= usual.low and own.high >= usual.high:
+        return ""
+    limits = show(own[:2])
+    return (
+        f"; its elevator_limits, {limits} rad, are narrower than the default glider's"
+    )
 
 
 def _status(result: MathematicalProgramResult) -> str:

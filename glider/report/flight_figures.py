@@ -70,6 +70,7 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         if model in flight.flown:
             poses[model] = bounded(flight.flown[model])[rows]
 
+    noise *= 1e3  # [mm], as distances.
     least = 0.1 * noise if noise > 0.0 else 0.0  # Of distances that are drawn.
     paths = []
     pitches = []
@@ -83,9 +84,9 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
         paths.append(spec.Line(model, x, z, hover=place, extra=time))
         pitches.append(spec.Line(model, time, degrees, hover=angle, extra=time))
         if model != "measured":
-            apart = distance(pose, measured)
+            apart = 1e3 * distance(pose, measured)
             apart = np.where(apart > least, apart, math.nan)
-            away = said + "%{y:.3r} m away"
+            away = said + "%{y:.3r} mm away"
             distances.append(spec.Line(model, time, apart, hover=away, extra=time))
 
     fitted = time <= flight.fitted_until
@@ -116,7 +117,7 @@ def flight_panels(flight: HeldOutFlight, noise: float = math.nan) -> list[spec.P
             "pitch, nose down > 0 [°]", [start, *pitches], clock, angles, height=250
         ),
         spec.Panel(
-            "distance from the flight [m]",
+            "distance from the flight [mm]",
             [start, *level, *distances],
             clock,
             spec.Axis(is_log=True),

@@ -183,8 +183,10 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
     """Draws the proposed throws beside the flown flights, in a form of Matplotlib's."""
     p = proposal
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 8.0), layout="constrained")
-        path_axes, tape_axes, apart_axes = figure.subplots(3)
+        # Of one explanation there is no difference.
+        rows = 2 if len(p.paths[0]) == 1 else 3
+        figure = Figure(figsize=(9.0, 2.7 * rows), layout="constrained")
+        path_axes, tape_axes, *apart_axes = figure.subplots(rows)
         for path in p.flown:
             path_axes.plot(*path[:, :2].T, color="#C4C4C4", lw=0.9)
         for k, (throw, paths) in enumerate(zip(p.throws, p.paths, strict=True)):
@@ -194,7 +196,8 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
                 style: Any = {"color": color, "ls": _LINES[e % len(_LINES)], "lw": 1.7}
                 apart = np.linalg.norm(path - paths[0, :, :2], axis=1)
                 path_axes.plot(*path.T, **style)
-                apart_axes.plot(time, 1e3 * apart, **style)
+                for axes in apart_axes:
+                    axes.plot(time, 1e3 * apart, **style)
             times = np.append(throw.times, throw.end)
             angles = np.degrees(
                 elevator_path(
@@ -209,10 +212,9 @@ def draw_proposal(proposal: Proposal, form: str = "png") -> bytes:
         path_axes.axhline(p.place.limits.z[0], color="k", lw=0.9, ls=":", label="floor")
         path_axes.set(xlabel="x, along the throw [m]", ylabel="z, up [m]")
         tape_axes.set(ylabel="commanded elevator,\nup > 0 [°]")
-        apart_axes.set(ylabel="difference of explanations,\nas fitted now [mm]")
-        if len(p.paths[0]) == 1:  # Of one explanation there is no difference.
-            apart_axes.remove()
-        for axes in (tape_axes, apart_axes):
+        for axes in apart_axes:
+            axes.set(ylabel="difference of explanations,\nas fitted now [mm]")
+        for axes in (tape_axes, *apart_axes):
             axes.set_xlabel("time since release [s]")
         figure.legend(loc="outside upper center", ncols=len(p.throws) + 1)
         buffer = io.BytesIO()

@@ -69,7 +69,7 @@ def format_estimate(c: Estimate) -> str:
     if digits > 6:
         return f"{c.value:.3g} ± {c.std:.1g}{unit}"
 
-    value = round(c.value, digits)
+    value = round(c.value, digits) + 0.0  # Not -0.000.
     std = round(c.std, digits)
     digits = max(digits, 0)
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import NullFormatter
 from rich.console import Console
 
 from glider.experiments.rehearsal import VISIBLE, Rehearsal, Rehearsed
@@ -90,7 +89,8 @@ def print_rehearsal(rehearsal: Rehearsal, console: Console) -> None:
     console.print(table)
     write()
     write(
-        f"Power: share of campaigns that name the effect; visible from: {VISIBLE:.0%}."
+        "Power: share of campaigns in which the effect is named; visible from: least "
+        f"size with a power of {VISIBLE:.0%}."
     )
     for sentence in confusions(rehearsal):
         write(sentence)
@@ -117,7 +117,7 @@ def draw_rehearsal(rehearsal: Rehearsal, form: str = "png") -> bytes:
     with matplotlib.rc_context(STYLE):
         columns = min(len(effects), 5)
         rows = math.ceil(len(effects) / columns)
-        size = 2.2 * columns, 0.6 + 1.9 * rows
+        size = 2.2 * columns, 1.1 + 1.9 * rows
         figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
         for axes, own in zip(panels.flat, effects, strict=False):
@@ -125,6 +125,8 @@ def draw_rehearsal(rehearsal: Rehearsal, form: str = "png") -> bytes:
         for axes in panels.flat[len(effects) :]:
             axes.remove()
         figure.supylabel("power [%]", fontsize=10)
+        words = panels[0, 0].get_legend_handles_labels()
+        figure.legend(*words, loc="outside upper center", ncols=columns, fontsize=9)
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, dpi=160)
     return buffer.getvalue()
@@ -134,10 +136,11 @@ def _draw_curve(axes: Any, own: Rehearsed) -> None:
     """Draws the power of one effect; the size that was planted is marked."""
     sizes, power = own.curve.T
     axes.semilogx(sizes, 100.0 * power, color=BLUE, marker=".")
-    axes.axvline(own.size, color=ORANGE, ls="--", lw=1.2)
-    if np.isfinite(own.visible):
-        axes.axhline(100.0 * VISIBLE, color="#8A8A8A", lw=0.9, ls=":")
-    axes.xaxis.set_major_locator(LogLocator(numticks=4))
+    axes.axvline(own.size, color=ORANGE, ls="--", lw=1.2, label="planted size")
+    label = f"power of {VISIBLE:.0%}"
+    axes.axhline(100.0 * VISIBLE, color="#8A8A8A", lw=0.9, ls=":", label=label)
+    ends = sizes[[0, -1]]
+    axes.set_xticks(ends, map("{:.2g}".format, ends))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set(ylim=(-4.0, 104.0), title=own.kind)
     axes.set_xlabel(f"{own.coefficient.name} [{own.coefficient.unit}]")

@@ -38,8 +38,9 @@ def print_summary(result: Result, console: Console) -> None:
         for line in lines:
             write(line, indent=2)
         write()
-    for sentence in (*wording.say("differences", result), *wording.say("air", result)):
-        write(sentence[0].upper() + sentence[1:].rstrip(".") + ".")
+    for name in ("differences", "air", "flown"):
+        for sentence in wording.say(name, result):
+            write(sentence[0].upper() + sentence[1:].rstrip(".") + ".")
     for sentence in wording.say("vehicle", result):
         write(sentence)
     write()

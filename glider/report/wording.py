@@ -102,6 +102,7 @@ TEMPLATES.globals |= {
     "angle": numbers.format_angle,
     "baseline": baseline,
     "both": lambda r: all(r.errors.get(m) for m in (baseline(r), "corrected")),
+    "cache_folder": cache_folder,
     "counted": counted,
     "error": lambda r, model: error_of(r, model, FREE),
     "estimate": numbers.format_estimate,

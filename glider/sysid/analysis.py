@@ -158,7 +158,7 @@ class Analysis:
 
     def _run(self) -> Result:
         """Runs all stages once."""
-        with self.stage("compile", "compile the dynamics (once; it takes ten seconds)"):
+        with self.stage("compile", "compile the dynamics (once, up to a minute)"):
             warm_up(self.vehicle.space)
 
         signs, campaign, about_servo, change = self._corrected()
@@ -166,7 +166,7 @@ class Analysis:
         task = found.task
         traced = found.traced
         model = traced.model
-        with self.stage("refit", "refitting the flat plate alone"):
+        with self.stage("refit", "refitting the flat-plate model"):
             baseline = traced.bare
             if traced.forces is None:
                 free = self.vehicle.baseline_slots

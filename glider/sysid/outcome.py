@@ -168,7 +168,7 @@ def _varying_effect(task: Task, kind: str, spread: Spread) -> FoundEffect:
     mean = Estimate(float(np.mean(values)), std, spread.unit)
     return FoundEffect(
         kind=kind,
-        words=f"{effect.words}, different in each flight",
+        words=f"{effect.words}, with another value in each flight",
         coefficients={effect.coefficients[0].name: mean},
         inclusion=math.nan,
         depends_on=effect.depends_on,

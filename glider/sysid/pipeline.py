@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from glider.campaign.logs import Campaign, split_flights
 from glider.campaign.reader import load_campaign
-from glider.errors import InputError, expect
+from glider.errors import InputError
 from glider.physics.effects import ANGLE_SIGN, KINDS, EffectKind
 from glider.progress import Progress, Step, silent
 
@@ -22,6 +22,18 @@ if TYPE_CHECKING:
 
 HELD_OUT = 0.3
 """Share of the flights that errors are measured on, unless another is asked for."""
+
+
+def check_names(
+    effects: Sequence[str] | None, own_effects: Sequence[EffectKind] = ()
+) -> None:
+    """Raises InputError where a name is no effect's, or where there is none."""
+    if effects is not None and not effects:
+        raise InputError("found no effect to try; expected the name of at least one.")
+    known = (*KINDS, *(e.kind for e in own_effects))
+    for name in effects or ():
+        if name not in known:
+            raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
 
 
 def close_the_loop(
@@ -49,18 +61,11 @@ def close_the_loop(
         InputError: the campaign or an argument cannot be used.
     """
     own = tuple(own_effects)
-    expect(0.0 < held_out < 1.0, "the held-out fraction", held_out, "between 0 and 1")
-    if effects is not None and not effects:
-        raise InputError("found no effect to try; expected the name of at least one.")
     if own:
         from glider.sysid.replay.log_space import log_space
 
         log_space(own)  # Kept: checked once.
-    known = (*KINDS, *(e.kind for e in own))
-    for name in effects or ():
-        if name not in known:
-            raise InputError(f"unknown effect '{name}'; known are {', '.join(known)}.")
-
+    check_names(effects, own)
     begin = time.perf_counter()
     progress(Step("read", 0.0))
     if not isinstance(campaign, Campaign):

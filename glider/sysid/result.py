@@ -105,6 +105,11 @@ class Residual:
         return is_improbable or self.ratio_to_floor > NO_CHANCE
 
     @property
+    def is_below_floor(self) -> bool:
+        """Whether noise and air were overestimated: so much less is never chance."""
+        return self.ratio_to_floor < 1.0 / NO_CHANCE
+
+    @property
     def may_be_chance(self) -> bool:
         """Whether a perfect model may leave as much: never more than MOST_LEFT."""
         return not (self.exceeds_chance or self.ratio_to_floor > MOST_LEFT)
@@ -251,7 +256,9 @@ class Report:
 def read_report(path: Path) -> tuple[Report, Path]:
     """Reads a report: its folder, or its report.json; also returns the file."""
     file = path / "report.json" if path.is_dir() else path
-    data = parse_json(read_text(file, "a report.json of close-the-loop"), str(file))
+    data = parse_json(
+        read_text(file, "a report.json of close-the-loop, to be run first"), str(file)
+    )
     try:
         return convert(data, Report, str(file)), file
     except InputError as error:

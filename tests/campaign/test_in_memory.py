@@ -12,6 +12,7 @@ from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.errors import InputError
 from glider.physics.model import GliderModel
+from glider.sysid.pipeline import close_the_loop
 from tests.campaign.importing import foreign
 
 VEHICLE = {"mass": 0.08, "elevator_limits": (-0.4463, 0.9473)}
@@ -45,6 +46,13 @@ def assert_same(made, campaign, **tolerance):
             if field.name in ("attitude", "command_time", "departure"):
                 continue
             np.testing.assert_allclose(ours, theirs, **(tolerance or {"rtol": 0}))
+
+
+def test_some_flights_of_a_campaign_are_chosen_by_name(campaign):
+    last = campaign.flights[-1]
+    assert campaign.only([last.name.removesuffix(".csv")]).flights == (last,)
+    with pytest.raises(InputError, match="no flight 'flight_999'; expected the name"):
+        close_the_loop(campaign, flights=["flight_999.csv"])
 
 
 def test_arrays_give_what_files_give(tmp_path, campaign):
@@ -177,7 +185,7 @@ def test_a_frame_with_missing_cells_times_and_texts(campaign):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"z": None}, "flight_001.csv: flight: there is no column 'z'"),
+        ({"z": None}, "flight_001.csv: header: there is no column 'z'"),
         ({"pitch": np.nan}, "flight_001.csv: column 'pitch', row 0: found nan"),
         ({"x": "far"}, "flight_001.csv: column 'x', row 0: found 'far'"),
         ({"z": "short"}, "flight_001.csv: column 'z' has 9 values; expected 103"),

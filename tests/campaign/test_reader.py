@@ -126,7 +126,8 @@ SPOILT_FLIGHTS = {
     "text": (cell(7, "pitch", "nose"), ["'pitch'", "row 7", "'nose'", "number"]),
     "nan": (cell(8, "x", "nan"), ["'x'", "row 8", "nan", "finite"]),
     "inf": (cell(2, "elevator", "-inf"), ["'elevator'", "row 2", "nan", "finite"]),
-    "empty cell": (cell(61, "z", " "), ["'z'", "row 61", "nan", "finite"]),
+    "empty cell": (cell(61, "z", " "), ["'z'", "row 61", "nan", "no empty cell"]),
+    "upper case": (header("elevator", "ELEVATOR"), ["(did you mean 'ELEVATOR'?)"]),
     "underscore": (cell(9, "x", "1_0"), ["'x'", "row 9", "'1_0'", "number"]),
     "time repeated": (cell(13, "time", "0.1"), ["'time'", "row 13", "0.1"]),
     "time goes back": (cell(20, "time", "0.01"), ["'time'", "row 20", "0.01"]),
@@ -178,13 +179,15 @@ def test_binary_file_is_refused(folder, name, content):
     (folder / name).write_bytes(content)
     message = refusal(folder, flights=["flight_000"])
     assert str(folder / name) in message
-    assert len(message) < 400
+    assert len(message) < 400 and "no known format" not in message
 
 
 @pytest.mark.parametrize("name", [NAMES[0], NAMES[2]])
 def test_a_flight_without_the_servo_of_the_others_is_refused(folder, name):
     save_flight(folder / name, make_flight(servo=False))
-    assert f"{name}: column 'elevator' is missing" in refusal(folder)
+    message = refusal(folder)
+    assert f"{name}: column 'elevator' is missing" in message
+    assert message.endswith("; to leave the file out, name others with --flights.")
 
 
 def edited(**changes):

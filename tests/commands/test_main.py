@@ -194,14 +194,18 @@ def test_next_throw_proposes_after_a_report(done, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["nowhere"], "nowhere"),
+        (["nowhere"], "error: nowhere: does not exist"),
+        (["{campaign}"], "close-the-loop, to be run first"),
         (["{campaign}", "--report", "nowhere"], "report.json"),
         (["{campaign}", "--launches", "0"], "--launches"),
         (["{campaign}", "--seed", "-1"], "--seed"),
         (["{campaign}", "--limits", "nowhere.yaml"], "nowhere.yaml"),
     ],
 )
-def test_bad_input_of_next_throw_is_reported(arguments, words, capsys, tmp_path):
+def test_bad_input_of_next_throw_is_reported(
+    arguments, words, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
     campaign = str(campaign_path("still_air"))
     filled = [a.format(campaign=campaign) for a in arguments]
     out = tmp_path / "out"

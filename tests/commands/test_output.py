@@ -91,7 +91,7 @@ with working() as progress:
     for share in (0.0, 0.25, 0.5):
         progress(Step(f"part [{share}]", share))
         time.sleep(0.15)
-    progress("the rest")
+    progress("the rest, " * 9)
     time.sleep(0.15)
 print("done")
 """
@@ -99,8 +99,9 @@ print("done")
 
 def test_a_terminal_shows_the_share_that_is_done():
     said = on_a_terminal(WORK)
-    for words in ("25%", "50%", "part [0.25] ...", "the rest ..."):
+    for words in ("25%", "50%", "part [0.25] ...", "the rest, the"):
         assert words in said
+    assert all("0:0" in line for line in said.splitlines() if "the rest" in line)
     assert said.rstrip().endswith("done")
 
 

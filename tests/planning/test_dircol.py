@@ -105,6 +105,7 @@ def test_limits_left_unturned_cannot_be_met_and_the_failure_says_so():
     assert worst.amount > 0.01
     assert worst.amount == max(violation.amount for violation in error.violations)
     assert str(error).endswith(
+        "0.4463] rad, are narrower than the default glider's). The path found "
         f"violates '{worst.name}' the most, by {worst.amount:.3g} {worst.unit}."
     )
     assert "SNOPT: InfeasibleConstraints (13)" in str(error)

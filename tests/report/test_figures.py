@@ -82,7 +82,7 @@ def test_held_out_flights_are_drawn_as_they_are():
     (line,) = of_kind(pitch, Line, "measured")
     np.testing.assert_allclose(line.y, np.degrees(flight.measured[:, 2]))
     (line,) = of_kind(apart, Line, "refitted")
-    away = distance(flight.flown["refitted"], flight.measured)
+    away = 1e3 * distance(flight.flown["refitted"], flight.measured)  # [mm]
     np.testing.assert_allclose(line.y[1:], away[1:])
     assert math.isnan(line.y[0])  # Of zero there is no logarithm.
     assert pitch.x.link == apart.x.link != path.x.link

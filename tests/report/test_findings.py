@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from glider.campaign.checks.masks import ExcludedRows
+from glider.paths import cache_folder
 from glider.report.error_table import position_rms, rank_flights
 from glider.report.folder import to_html
 from glider.report.plots.style import COLORS
@@ -112,6 +113,8 @@ def test_the_reason_follows_the_verdict():
         (13.25, 5.3e-3, "error of 5.30 mm (RMS) on held-out flights, 13.2 times that"),
         (12_499_590.0, 2.0, "2,000 mm (RMS) on held-out flights, 12,499,590 times"),
         (math.inf, 0.02, "20.0 mm (RMS) on held-out flights; it varies with V."),
+        (0.41, 0.02, "held-out flights, no more than a perfect model would leave;"),
+        (0.39, 0.02, "held-out flights; noise and moving air as strong as estimated"),
     ],
 )
 def test_what_is_left_is_a_length_and_a_ratio(ratio, position, text):
@@ -234,10 +237,12 @@ def test_evidence_is_told_as_it_was_found():
     assert "log-likelihood of held-out flights that is lost" in unknown
 
 
-# What users of SIDPAC and MATLAB look for.
-
-
-# One page, for people elsewhere.
+def test_an_effect_without_evidence_has_no_line_of_it_and_no_zero_a_sign():
+    zero = {"x": Estimate(-0.0001, 0.02, "m/s")}
+    effect = dataclasses.replace(WIND, evidence=math.nan, coefficients=zero)
+    said = say("effect", make_result(), effect)
+    assert said[1] == "x = 0.00 ± 0.02 m/s"
+    assert not any("nats" in line for line in said)
 
 
 def test_every_section_has_an_anchor_and_is_in_the_contents():
@@ -249,10 +254,12 @@ def test_every_section_has_an_anchor_and_is_in_the_contents():
     assert headings["section-warnings"] == "Warnings"
 
 
-def test_a_page_names_no_folder_of_the_machine():
-    result = make_result(path=Path("/home/somebody/.cache/glider/head_wind"))
-    assert "somebody" not in to_html(result)
-    assert "From head_wind." in flat(Page(to_html(result)).text)
+def test_a_page_names_a_campaign_and_the_folder_around_but_no_more_of_the_machine():
+    own = Path("/home/somebody/a21/head_wind"), "a21/head_wind"
+    for path, name in (own, (cache_folder() / "head_wind", "head_wind")):
+        page = to_html(make_result(path=path))
+        assert "somebody" not in page and str(cache_folder()) not in page
+        assert f"From {name}." in flat(Page(page).text)
 
 
 def test_one_flight_is_one_and_an_empty_setting_none():

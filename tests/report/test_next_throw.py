@@ -1,13 +1,15 @@
 """What is written of proposed throws."""
 
 import dataclasses
+import io
 import json
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from glider.errors import InputError
-from glider.report.next_throw import sentences, to_json, write_proposal
+from glider.report.next_throw import draw_proposal, sentences, to_json, write_proposal
 from glider.systems.command_tape import load_commands
 from tests.helpers.late import late_proposal
 
@@ -35,6 +37,9 @@ def test_the_folder_holds_commands_picture_and_numbers(tmp_path):
     assert data == to_json(proposal)
     assert data["chance"]["then"] > data["chance"]["now"]
     assert [t["commands"] for t in data["throws"]] == names[:2]
+    one = dataclasses.replace(proposal, paths=[p[:1] for p in proposal.paths])
+    full, less = (imread(io.BytesIO(draw_proposal(p))) for p in (proposal, one))
+    assert len(less) == pytest.approx(2 / 3 * len(full))  # Of one explanation.
 
 
 def test_a_file_in_the_way_is_reported(tmp_path):

@@ -3,11 +3,13 @@
 import dataclasses
 import json
 
+import matplotlib
 import numpy as np
 from rich.console import Console
 
 from glider.experiments.rehearsal import Rehearsal, Rehearsed
 from glider.physics.effects import MASS
+from glider.report import rehearsal as report
 from glider.report.rehearsal import print_rehearsal, to_json, write_rehearsal
 from tests.report.results import make_result
 
@@ -79,3 +81,7 @@ def test_the_folder_has_a_picture_and_numbers(tmp_path):
     assert data["effects"][1]["visible"] is None
     assert data["seed"] == 3
     assert (tmp_path / "rehearsal.png").read_bytes().startswith(b"\x89PNG")
+    with matplotlib.rc_context({"svg.fonttype": "none"}):
+        drawn = report.draw_rehearsal(REHEARSAL, "svg").decode()
+    for words in ("0.05", "0.2", "planted size", "power of 95%"):
+        assert f">{words}<" in drawn

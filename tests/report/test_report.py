@@ -210,7 +210,7 @@ def test_rivals_are_models_of_their_own(tmp_path):
     free = ", ".join(rival.free_functions[0].variables)
     assert first.split(" + ")[-1] == f"free functions of {free}"
     assert first.count(" + ") == len(rival.effects)
-    assert second == "none: the flat plate alone"
+    assert second == "none: the flat-plate model"
     assert 'id="rivals"' not in to_html(result)
     sure = (
         dataclasses.replace(alternatives[0], probability=0.9996),

@@ -52,7 +52,7 @@ def inspect(campaign: Campaign) -> Inspection:
     """
     campaign, of_stamps = _with_even_times(campaign)
     found = find_faults(campaign)
-    found = _drop(found, _find_copies(campaign), least=0.0)
+    found = _drop(found, _find_copies(campaign))
     check_follows(found.campaign, measure_elevators(found.campaign, found.masks))
     off_rates = check_rates(found.campaign)
     found = _drop(found, _find_servoless(found))
@@ -105,20 +105,17 @@ def _with_even_times(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     return dataclasses.replace(campaign, flights=tuple(flights), servo=servo), (words,)
 
 
-def _drop(
-    found: Inspection, reasons: dict[str, str], least: float = _MIN_SHARE
-) -> Inspection:
+def _drop(found: Inspection, reasons: dict[str, str]) -> Inspection:
     """Excludes whole flights, and refuses a campaign of which too few remain.
 
     Args:
         found: what is excluded so far.
         reasons: why flights are excluded, by their names.
-        least: share of the flights that must remain.
     """
     campaign = found.campaign
     flights = campaign.flights
     kept = tuple(flight for flight in flights if flight.name not in reasons)
-    if len(kept) < least * len(flights):
+    if len(kept) < _MIN_SHARE * len(flights):
         name, why = next(iter(reasons.items()))
         campaign.refuse(
             f"{len(reasons)} of {len(flights)} flights cannot be used, {name} for one: "

@@ -36,9 +36,18 @@ _SCATTER = 0.065
 def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str, ...]:
     """Warns of an elevator that turns farther or less than commanded, or refuses it.
 
+    One that never turns may be a fixed tail, or a log that was forgotten.
+
     Raises:
         InputError: the travel is off by more than the second share of _TRAVEL.
     """
+    if campaign.elevator == "servo" and not campaign.has_moving_elevator:
+        return (
+            "Column 'elevator' does not change in any flight: no effect of the servo "
+            "or the elevator can show, and if it moved, others are named instead. "
+            "Expected its angle; of a tail that does not move, 'elevator: fixed' under "
+            "'vehicle:' in campaign.yaml.",
+        )
     gain, error = _calc_travel(elevators, campaign.limits, campaign.servo.command_std)
     words = (
         f"the elevator turns {gain:.3g} times as far as commanded: expected one scale "

@@ -168,8 +168,7 @@ class Recording:
             return entry.group, entry.column
 
         names = [entry.address for entry in found or entries]
-        near = difflib.get_close_matches(address, names[:_MOST], n=1, cutoff=0.5)
-        hint = f" (did you mean '{near[0]}'?)" if near else ""
+        hint = self.hint(address)
         listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
         what = f"there are {len(found)} columns" if found else "there is no column"
         reason = f"{what} '{address}'{hint}; found {listed or 'none'}"
@@ -177,6 +176,12 @@ class Recording:
             if address.startswith(name):
                 reason = f"'{name}' is not read: {why}"
         raise InputError(f"{self.path}: {field}: {reason}.")
+
+    def hint(self, address: str) -> str:
+        """The column of the nearest name, as a question in brackets; "" if none is."""
+        names = {name.lower(): name for name in self.names()[:_MOST]}
+        near = difflib.get_close_matches(address.lower(), names, n=1, cutoff=0.5)
+        return f" (did you mean '{names[near[0]]}'?)" if near else ""
 
     def find_all(
         self, address: str, shapes: Sequence[str]

@@ -141,7 +141,7 @@ function drawFigures({ figures }, signal) {
         this.fill();
       };
       const first = choices.map((choice) => choice.is_shown);
-      button(tools, "pick", "as at first", () => show((i) => first[i]));
+      button(tools, "pick", "initial choice", () => show((i) => first[i]));
       button(tools, "pick", "worst three", () => show((i) => i < 3));
       button(tools, "pick", "best three", () => show((i) => i >= choices.length - 3));
       for (const choice of choices) {

@@ -18,9 +18,10 @@ import dataclasses
 from collections.abc import Collection, Iterable
 
 import numpy as np
-from scipy.special import fdtrc, stdtr
+from scipy.special import stdtr, stdtrit
 
 from glider.campaign.changes import LEAST_SIDE, Change, by_number
+from glider.physics.confidence import LEVEL
 from glider.sysid.constants import LEAST_SPREAD
 from glider.sysid.fit.folds import LinearFlights
 from glider.sysid.likelihood.candidates import Candidates
@@ -35,7 +36,6 @@ from glider.sysid.search.tracing import without_late
 _LEVEL = 0.001
 # If none gains as much, p is half of the level.
 _PERMUTATIONS = round(2.0 / _LEVEL) - 1
-_ALIKE = 0.01  # Probability of values that scatter less alike (c).
 _FEWEST = 5  # Flights whose scatter about two means says anything.
 
 
@@ -101,9 +101,9 @@ def change_of(
     t with Bonferroni's correction for all changes; or no permutation of the flights
     gains as much, whatever the distribution of the values. The first test takes the
     coefficient alone, without β, which is common to all flights; it detects a change of
-    a few flights, of which there are few permutations. On both sides of a break the
-    values must scatter alike then, by an F-test: those of another glider do, and those
-    of flights that a formula explains badly do not.
+    a few flights, of which there are few permutations. Either side of a break must then
+    be apart from the other by its own scatter as well: a few flights that a formula
+    explains badly are not.
 
     Args:
         candidates: the effects about the model, and the records' names.
@@ -173,8 +173,8 @@ def change_of(
     values = delta_error[order, column] / np.maximum(weights, 1e-300)
     chance = _chance_of_slope(values, weights, shares[row]) * gains.size
     is_drift = row == len(breaks)
-    alike = is_drift or _scatter_alike(values, weights, shares[row] > 0.0)
-    if chance > 0.5 * _LEVEL or not alike:
+    is_apart = is_drift or _are_apart(values, weights, shares[row] > 0.0)
+    if chance > 0.5 * _LEVEL or not is_apart:
         for _ in range(_PERMUTATIONS):
             others, *_ = changes(rng.permutation(count))
             if others.max() >= gain:
@@ -231,18 +231,21 @@ def _chance_of_slope(
     return 2.0 * float(stdtr(freedom, -t))
 
 
-def _scatter_alike(values: np.ndarray, weights: np.ndarray, after: np.ndarray) -> bool:
-    """Whether values (n,) scatter alike on both sides of a break, by an F-test.
+def _are_apart(values: np.ndarray, weights: np.ndarray, after: np.ndarray) -> bool:
+    """Whether values (n,) differ on both sides of a break, by each side's own scatter.
 
-    With weights (n,); `after` (n,) says which are after the break.
+    By Student's t of a side's weighted mean, from that of the other, with LEVEL.
+
+    Args:
+        values: of the flights.
+        weights: of the values, (n,).
+        after: (n,) which are after the break.
     """
-    scatters = []
-    for side in (~after, after):
-        own = values[side]
-        mean = np.average(own, weights=weights[side])
-        freedom = len(own) - 1
-        square = weights[side] @ (own - mean) ** 2 / freedom
-        scatters.append((square, freedom))
-
-    (small, of_small), (large, of_large) = sorted(scatters)
-    return bool(2.0 * fdtrc(of_large, of_small, large / small) > _ALIKE)
+    sides = [(values[side], weights[side]) for side in (~after, after)]
+    jump = np.diff([np.average(own, weights=w) for own, w in sides])[0]
+    for own, w in sides:
+        error = np.sqrt(np.cov(own, aweights=w, ddof=0) / (len(own) - 1))
+        least = stdtrit(len(own) - 1, 0.5 * (1.0 + LEVEL))
+        if abs(jump) < least * error:
+            return False
+    return True

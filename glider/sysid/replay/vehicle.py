@@ -100,9 +100,10 @@ def make_vehicle(campaign: Campaign, space: ParameterSpace = LIBRARY_SPACE) -> V
     )
     slots = *space.slots_of(SERVO_LOG.kind), *space.slots_of(ELEVATOR_SCALE.kind)
     pairs = zip(slots, log_spreads, strict=True)
-    of_log = {slot: spread for slot, spread in pairs if spread}
-
     facts = _facts(campaign)
+    has_servo = "servo" in facts
+    of_log = {slot: spread for slot, spread in pairs if spread and has_servo}
+
     dropped, notes = _hidden(campaign, space, facts)
     dropped |= {space.owners[slot] for slot in of_log}
     parameters = _parameters(campaign, is_per_mass)
@@ -150,9 +151,9 @@ def make_vehicle(campaign: Campaign, space: ParameterSpace = LIBRARY_SPACE) -> V
 def _facts(campaign: Campaign) -> set[str]:
     """Returns those of FACTS that a campaign gives."""
     facts = {*campaign.vehicle}
-    if campaign.elevator == "servo":
+    if campaign.has_moving_elevator:
         return facts | {"servo", "elevator_angle", "tail"}
-    if campaign.elevator == "fixed":
+    if campaign.elevator != "fixed_per_flight":
         return facts | {"tail"}
     # An unknown tail at an unknown angle could look like camber and drag: all flights
     # share a moment alone.

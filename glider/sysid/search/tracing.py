@@ -109,7 +109,7 @@ def trace(search: Search, noise: Noise) -> SearchResult:
     model = _searched(search, start_of(task, noise))
     progress(Step("weighing the effects", 0.76))
     model, evidence = _needed(search, model)
-    progress(Step("fitting the flat plate alone", 0.8))
+    progress(Step("fitting the flat-plate model", 0.8))
     bare = search.fit(model.without(task, *model.kinds))
 
     near = set(model.kinds)
@@ -341,7 +341,7 @@ def _trace_by_predictions(task: Task, noise: Noise, progress: Progress) -> Searc
 
     bare = forces
     if forces.kinds:
-        progress(Step("fitting the flat plate alone", 0.5))
+        progress(Step("fitting the flat-plate model", 0.5))
         bare = fit_model(task, forces.without(task, *forces.kinds), free_scales=())
 
     progress(Step("fitting the moment", 0.53))

@@ -340,6 +340,9 @@ def test_a_copy_is_set_aside(campaign):
         "the same rows as flight_002.csv",
     )
     assert found.campaign.flights == campaign.flights
+    names = [flight.name for flight in campaign.flights]
+    copies = tuple(dataclasses.replace(again, name=name) for name in names)
+    assert "same rows as" in refusal(dataclasses.replace(campaign, flights=copies))
 
 
 def test_a_campaign_of_mostly_broken_flights_is_refused(campaign):

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from glider.campaign.checks.inspection import inspect
 from glider.campaign.logs import CLOCK_STD
 from glider.campaign.motion_capture import MotionCapture
 from glider.errors import InputError
@@ -60,6 +61,20 @@ def test_no_servo_no_servo_effects(campaign):
     vehicle = make_vehicle(without_servo(campaign, "fixed_per_flight"))
     assert not {"servo_lag", "command_delay", "elevator_trim"} & set(vehicle.kinds)
     assert vehicle.per_flight_trims
+    assert not vehicle.of_log  # Nor clocks of one.
+
+
+def test_an_elevator_that_never_moves_shows_no_effect_of_it_and_is_warned_of(campaign):
+    still = tuple(
+        dataclasses.replace(f, elevator=0.0 * f.elevator, command=0.0 * f.command)
+        for f in campaign.flights
+    )
+    found = inspect(dataclasses.replace(campaign, flights=still))
+    [warning] = found.warnings
+    assert warning.startswith("Column 'elevator' does not change in any flight: ")
+    vehicle = make_vehicle(found.campaign)
+    assert not {"servo_lag", "elevator_scale", "elevator_trim"} & set(vehicle.kinds)
+    assert not vehicle.of_log
 
 
 @pytest.mark.nightly

@@ -59,8 +59,9 @@ def decode(path: Path) -> str:
         return data.decode("utf-16", errors="replace")
     if b"\0" in data[:4096]:
         raise InputError(
-            f"{path}: not a text file, and its name ends in no known format; "
-            f"expected {', '.join(SUFFIXES)} (convert any other to CSV)."
+            f"{path}: not a text file, and no other format has names that end in "
+            f"'{path.suffix}'; expected text, or one of {', '.join(SUFFIXES)} (convert "
+            "any other to CSV)."
         )
     try:
         return data.decode("utf-8-sig")
