@@ -10,10 +10,10 @@ import os
 import numpy as np
 
 from benchmarks.bench_control import best_seconds
+from benchmarks.estimated_perches import fly_on_estimate
 from glider.estimation.ekf import make_ekf
 from glider.estimation.perching import CAPTURE, LAUNCH_STD, PROCESS, perching_filter
 from glider.estimation.running import make_prior, predict_mean, run_ekf
-from tests.helpers.estimated_perches import fly_on_estimate
 from tests.helpers.filter_consistency import UNCERTAIN, watch_perches
 from tests.helpers.flights import NOMINAL, PROBLEM, plan_of, policy
 from tests.helpers.noisy_flights import draw_starts, fly_watched

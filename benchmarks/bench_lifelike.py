@@ -23,6 +23,7 @@ from collections.abc import Callable
 import joblib
 import numpy as np
 
+from benchmarks.lifelike_oracle import oracle_predict
 from glider.campaign.logs import Campaign
 from glider.errors import InputError
 from glider.physics.effects import KINDS
@@ -34,7 +35,6 @@ from tests.helpers.lifelike import (
     draw_throws,
     turbulence_campaign,
 )
-from tests.helpers.lifelike_oracle import oracle_predict
 
 NO_CLAIM = ("no_effect", "not_trusted")
 """Verdicts that name no effect as one of the glider's, whatever they list."""

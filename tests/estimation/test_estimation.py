@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pydrake.systems.primitives import MatrixGain
 
+from benchmarks.estimated_perches import fly_on_estimate
 from diagrams.loops import estimated_loop, tape_rows
 from diagrams.simulate import simulate_flights
 from glider.errors import InputError
@@ -24,7 +25,6 @@ from glider.physics.model import GliderModel
 from glider.physics.parameters import GliderParameters, Parameters, Theta
 from glider.systems.kalman_filter import ExtendedKalmanFilter
 from glider.systems.regulator import tracking_regulator
-from tests.helpers.estimated_perches import fly_on_estimate
 from tests.helpers.filter_consistency import (
     UNCERTAIN,
     assess,

@@ -6,6 +6,7 @@ import functools
 import numpy as np
 import pytest
 
+from benchmarks.lifelike_oracle import oracle_predict
 from glider.campaign.reader import load_campaign
 from glider.campaign.writer import save_campaign
 from glider.compiled.actuators import replayed_path
@@ -36,7 +37,6 @@ from tests.helpers.lifelike_flight import (
     shown_pose,
 )
 from tests.helpers.lifelike_forms import FORMS, RIVALS
-from tests.helpers.lifelike_oracle import oracle_predict
 
 STEPS = 720
 """Of flights of 0.6 s, well beyond stall."""
