@@ -36,7 +36,7 @@ class Change:
         size = f"{self.value:+.3g} ± {self.std:.1g}{unit}"
         what = f"'{self.coefficient}' of {self.kind}"
         if self.flight:
-            return f"At {self.flight} {what} changes by {size}."
+            return f"At {self.flight} {what} jumps by {size}."
         return f"{what} drifts by {size} from the first flight to the last."
 
 

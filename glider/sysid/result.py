@@ -197,8 +197,11 @@ class UnlikeFlights:
     @property
     def warning(self) -> str:
         """What to say where a perfect model would leave less."""
-        times = max(self.left.ratio_to_floor, self.left.ratio_along_pitch)
+        free, along = self.left.ratio_to_floor, self.left.ratio_along_pitch
+        times = max(free, along)
         what = f"leaves {times:.3g} times the error of a perfect model"
+        if along > free:
+            what += " along the measured pitch"
         return (
             f"on the flights most unlike the others, refitted without them, the model "
             f"{what if math.isfinite(times) else 'diverges'}: it may be used within "

@@ -130,7 +130,7 @@ def test_a_lighter_glider_is_traced_alone() -> None:
     assert found.kind == "mass" and abs(mass.value - 0.1) < 4.0 * mass.std
     aside = [rows.file for rows in result.set_aside]
     assert aside == [f"flight_{i:03d}.csv" for i in range(8)]
-    assert result.reason.startswith("At flight_008.csv 'change' of mass changes")
+    assert result.reason.startswith("At flight_008.csv 'change' of mass jumps")
 
 
 @pytest.mark.slow
