@@ -423,7 +423,7 @@ def test_errors_by_commands_are_told_where_elevators_do_not_follow_them(campaign
     assert result.by_commands_m.keys() == {"nominal", "corrected"}
     along = result.errors["corrected"].position_rms_m
     assert result.by_commands_m["corrected"] < 0.5 * along
-    assert "along the measured elevator; by its commands alone" in headline(result)
+    assert "along the measured elevator; by the commands alone" in headline(result)
 
 
 def test_of_angles_without_noise_few_steps_of_rounding_are_tried():
