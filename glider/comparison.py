@@ -6,8 +6,8 @@ what the largest of n standard normal ones exceeds in one comparison of a hundre
 
 An effect that one report lacks counts as none there. Its evidence is below the
 threshold T of an effect, and evidence is about (θ/s)²/2, so that s√(2T) is its standard
-error, by that of the other report. None is one that the flights do not distinguish from
-another one.
+error, by that of the other report. One that was not tried there does not count, nor one
+for which another effect there may stand.
 """
 
 import dataclasses
@@ -62,14 +62,8 @@ def compare(first: Report, second: Report) -> Comparison:
     """Compares two reports."""
     a = _values(first)
     b = _values(second)
-    share = math.sqrt(2.0 * first.evidence_threshold)
-    effects = (*first.effects, *second.effects)
-    doubted = {kind for effect in effects for kind in effect.indistinguishable_from}
-    for own, others in ((a, b), (b, a)):
-        for name, known in others.items():
-            if name in _SIZES and name.split(".")[0] not in doubted:
-                none = Estimate(0.0, share * known.std, known.unit)
-                own.setdefault(name, none)
+    a |= _absent(first, second)
+    b |= _absent(second, first)
     names = dict.fromkeys((*a, *b))
     differences = [_difference(name, a.get(name), b.get(name)) for name in names]
     compared = [abs(d.z) for d in differences if math.isfinite(d.z)]
@@ -86,6 +80,32 @@ def compare(first: Report, second: Report) -> Comparison:
     return Comparison(
         summary=summary, z_significant=most, differences=tuple(differences)
     )
+
+
+def _absent(lacking: Report, having: Report) -> dict[str, Estimate]:
+    """Returns the sizes that effects of one report have in another that lacks them.
+
+    None is one that was not tried there, or for which another effect may stand.
+    """
+    tried = lacking.settings.get("effects")
+    named = {effect.kind for effect in lacking.effects}
+    alike = {
+        kind for effect in lacking.effects for kind in effect.indistinguishable_from
+    }
+    share = math.sqrt(2.0 * lacking.evidence_threshold)
+    found = {}
+    for effect in having.effects:
+        kind = effect.kind
+        has_stand_in = not named.isdisjoint(effect.indistinguishable_from)
+        was_tried = tried is None or kind in tried
+        if kind in named | alike or has_stand_in or not was_tried:
+            continue
+        for name, known in effect.coefficients.items():
+            key = f"{kind}.{name}"
+            if key in _SIZES:
+                found[key] = Estimate(0.0, share * known.std, known.unit)
+
+    return found
 
 
 def _difference(
@@ -146,7 +166,7 @@ def print_comparison(
     console.print(table)
     write(
         "σ: change divided by its standard error; * marks what chance cannot explain. "
-        "An effect that a report lacks is none there, ± what would not be found."
+        "An effect that a report lacks counts as 0 there, ± the largest that is missed."
     )
 
 

@@ -88,6 +88,10 @@ def test_an_effect_that_one_report_lacks_is_none_there(size, changed):
     wind = next(d for d in comparison.differences if d.name == "wind.x")
     assert wind.second.value == 0.0
     assert comparison.is_significant(wind) == changed
+    # Not where it was not tried.
+    untried = make_result(effects=(), settings={"effects": ["mass"]})
+    differences = compare(windy(size, 0.003), untried).differences
+    assert next(d for d in differences if d.name == "wind.x").second is None
 
 
 def test_numbers_of_other_units_are_not_subtracted():

@@ -22,16 +22,22 @@ class Change:
     value: Number  #: By how much: from the flight on, or from the first to the last.
     std: Number = math.nan  #: Its standard error, NaN of a servo.
     flight: str  #: From which on it is changed; empty where it drifts.
-    before: Number = math.nan  #: What it was, of a servo.
+    #: What it was and is, of a servo; infinite where no flight reaches the limit.
+    before: Number = math.nan
+    since: Number = math.nan
 
     @property
     def sentence(self) -> str:
         """What changes, by how much and when."""
         unit = "" if self.unit == "-" else f" {self.unit}"
         if self.kind == SERVO:
+            old, new = (
+                f"{number:z.3f}{unit}" if math.isfinite(number) else "not reached"
+                for number in (self.before, self.since)
+            )
             return (
-                f"At {self.flight} the servo changes: its {self.coefficient} is "
-                f"{self.before + self.value:z.3f}{unit}, before {self.before:z.3f}."
+                f"At {self.flight} the servo changes: its {self.coefficient} is {new}, "
+                f"before {old}."
             )
         size = f"{self.value:+.3g} ± {self.std:.1g}{unit}"
         what = f"'{self.coefficient}' of {self.kind}"

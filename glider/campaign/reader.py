@@ -51,7 +51,7 @@ def load_campaign(
         logs = [read_recording(path / name) for name in _choose(path, flights)]
         return make_campaign(campaign, mapping, logs)
     except InputError as error:
-        text = str(error).rstrip(".")
+        text = str(error).removesuffix(".")
         if flights or not text.startswith(f"{path / 'flight_'}"):
             raise
         advice = "to leave the file out, name others with --flights"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import softmax
 
+from glider.campaign.checks.masks import ALL
 from glider.physics.effects import EffectKind
 from glider.physics.model import GliderModel
 from glider.sysid.likelihood.fitted_functions import functions_of
@@ -36,7 +37,8 @@ class Findings:
     """What an analysis found, and the flights that it used."""
 
     models: tuple[GliderModel, ...]  #: The corrected glider, then its rivals.
-    flights: tuple[str, ...] | None = None  #: Names that were used; None for all.
+    flights: tuple[str, ...] | None = None  #: Names that were read; None for all.
+    excluded: tuple[str, ...] = ()  #: Names of those that were not used then.
     own: tuple[EffectKind, ...] = ()  #: User effects.
     #: Name of the campaign that was analysed; None where unspecified.
     campaign: str | None = None
@@ -66,9 +68,11 @@ def _findings(
     report: Report, models: Sequence[GliderModel], own_effects: Sequence[EffectKind]
 ) -> Findings:
     """Findings of a report and its models."""
+    flights = report.settings.get("flights")
     return Findings(
         models=tuple(models),
-        flights=(*report.flights.fit, *report.flights.held_out),
+        flights=None if flights is None else tuple(flights),
+        excluded=tuple(rows.file for rows in report.set_aside if rows.rows == ALL),
         own=tuple(own_effects),
         campaign=report.campaign,
     )

@@ -104,9 +104,6 @@ def next_throw(
     expect(launches >= 1, "the number of launches", launches, "at least 1")
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(Path(campaign), flights=findings.flights)
-    known_name = findings.campaign
-    what = f"{campaign.path}: the report's campaign"
-    expect(known_name in (None, campaign.name), what, known_name, f"'{campaign.name}'")
     with threadpool_limits(limits=1, user_api="blas"):  # We thread over flights.
         progress(Step("reading the flights", 0.0))
         found = campaign.elevator
@@ -148,8 +145,11 @@ def read_task(campaign: Campaign, findings: Findings) -> Reading:
             f"{campaign.path}: an angle is logged with the wrong sign (angle_sign); "
             "expected logs with the right signs before commands are sent."
         )
-    if findings.flights is not None:
-        campaign = campaign.only(findings.flights)
+    what = f"{campaign.path}: the report's campaign"
+    known_name = findings.campaign
+    expect(known_name in (None, campaign.name), what, known_name, f"'{campaign.name}'")
+    names = {flight.name for flight in campaign.flights}
+    campaign = campaign.only(names.difference(findings.excluded))
     inspection = inspect(campaign)
     campaign, *_ = identify_servo(inspection.campaign, inspection.masks)
     vehicle = make_vehicle(campaign, log_space(findings.own))

@@ -21,6 +21,7 @@ from glider.planning.problem import PerchingProblem
 from glider.planning.program import perching_program
 from glider.progress import Progress, silent
 
+_SAME = 1e-3  # Difference of two angles of an elevator that is rounding [rad].
 _TOLERANCE = 1e-6
 """Tolerance of constraints and optimality, as the solver scales them."""
 
@@ -154,11 +155,12 @@ def _options() -> SolverOptions:
 def _cause(model: GliderModel) -> str:
     """What may be why a glider has no plan: that its elevator turns little."""
     own, usual = model.parameters.servo, GliderParameters().servo
-    if own.low <= usual.low and own.high >= usual.high:
+    if own.low < usual.low + _SAME and own.high > usual.high - _SAME:
         return ""
     limits = show(own[:2])
     return (
-        f"; its elevator_limits, {limits} rad, are narrower than the default glider's"
+        f"; the glider's elevator_limits, {limits} rad, are narrower than the default "
+        "glider's"
     )
 
 

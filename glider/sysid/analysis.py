@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.special import softmax
 
-from glider.campaign.changes import Change, by_number
+from glider.campaign.changes import SERVO, Change, by_number
 from glider.campaign.checks.masks import ALL, ExcludedRows, Inspection
 from glider.campaign.checks.rates import SCALE
 from glider.campaign.checks.servo_fit import identify_servo
@@ -129,7 +129,7 @@ class Analysis:
                 changes=(change, *again.changes),
                 set_aside=_by_file([*again.set_aside, *rows]),
             )
-        elif found.verdict == "no_effect":
+        elif found.verdict == "no_effect" and change.kind != SERVO:
             nothing = "No effect is found that is the same in all flights."
             found = dataclasses.replace(found, verdict="unexplained", reason=nothing)
 

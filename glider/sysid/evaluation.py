@@ -128,7 +128,7 @@ def evaluate(
         ),
         "errors": {**dict.fromkeys(MODELS), **found.errors},
         "left": found.left,
-        "by_commands_m": _fly_by_commands(models, unseen, specified),
+        "by_commands_m": _fly_by_commands(models, found.counted, specified),
         "unlike": unlike,
         "held_out": tuple(shown),
         "residual_before": _table(next(iter(models.values())), records),
@@ -152,6 +152,8 @@ def _fly_by_commands(
     Returns:
         RMS position errors [m] by model; empty where elevators follow their commands.
     """
+    if not records:
+        return {}
     departs = any(record.departure.any() for record in records)
     servos = {"corrected": records[0].servo} if departs else {}
     if departs or records[0].servo != specified:
@@ -159,7 +161,7 @@ def _fly_by_commands(
 
     rows = prediction.rows_of(records)
     errors = {}
-    for name in servos.keys() & models.keys():
+    for name in filter(models.__contains__, servos):
         commanded = [
             dataclasses.replace(
                 record,

@@ -104,7 +104,7 @@ def test_the_campaign_is_rehearsed(reported, tmp_path, capsys):
     options = ["--effects", "mass", "--no-flights", "--out", str(out)]
     files = ["--report", str(reported.folder)]
     assert main(["rehearse", "still_air", *files, *options]) == 2
-    assert "its campaign is 'flown'; expected 'still_air'" in capsys.readouterr().err
+    assert "campaign is 'flown'; expected 'still_air'" in capsys.readouterr().err
     assert main(["rehearse", "still_air", "--effects", "masss"]) == 2
     assert "unknown effect 'masss'" in capsys.readouterr().err
     assert main(["rehearse", str(reported.campaign), *files, *options]) == 0

@@ -139,7 +139,8 @@ def identify_servo(
         if odd and others and plain.on(others).explains:
             plain = plain.on(odd)
             found = found.on(odd)
-    changed, sentence = _with_departures(campaign, plain, found)
+    unknown = "." if change else _UNKNOWN
+    changed, sentence = _with_departures(campaign, plain, found, unknown)
     return changed, (*told, sentence), change
 
 
@@ -240,17 +241,18 @@ def _change_of(before: Fit, since: Fit) -> Change:
     fastest = np.abs(before.commands).max()
     most = -MAX_ANGLE, MAX_ANGLE, fastest, 0.0, 0.0
     numbers = np.array([before.servo[:5], since.servo[:5]])
-    old, new = np.where(np.isfinite(numbers), numbers, most).tolist()
+    old, new = np.where(np.isfinite(numbers), numbers, most)
     scales = [scale for _, _, scale in _NUMBERS]
-    place = int(np.argmax(np.abs(np.subtract(new, old)) / scales))
+    place = int(np.argmax(np.abs(new - old) / scales))
     name, unit, _ = _NUMBERS[place]
     return Change(
         kind=SERVO,
         coefficient=name,
         unit=unit,
-        value=new[place] - old[place],
+        value=float(new[place] - old[place]),
         flight=since.elevators[0].name,
-        before=old[place],
+        before=float(numbers[0, place]),
+        since=float(numbers[1, place]),
     )
 
 
@@ -327,7 +329,7 @@ def _with_limits(campaign: Campaign, servo: Servo) -> tuple[Campaign, str]:
 
 
 def _with_departures(
-    campaign: Campaign, plain: Fit, uneven: Fit
+    campaign: Campaign, plain: Fit, uneven: Fit, unknown: str
 ) -> tuple[Campaign, str]:
     """Returns the campaign with its elevators' departures, and a sentence on them.
 
@@ -337,6 +339,7 @@ def _with_departures(
         plain: a servo of a delay, a lag and limits, of some flights.
         uneven: the form that explains the departures, of the same flights; without a
             cause, the plain servo.
+        unknown: end of the sentence where there is no cause.
     """
     times = {flight.name: flight.time for flight in campaign.flights}
     departures = _calc_departures(times, plain, uneven)
@@ -352,7 +355,7 @@ def _with_departures(
         if step > 0.0:
             cause = f"has a log that rounds commands, in steps of {step:.3g} rad/s"
     beginning = ""
-    ending = _UNKNOWN
+    ending = unknown
     if cause:
         beginning = f"The servo {cause}. "
         ending = "."

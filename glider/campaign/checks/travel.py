@@ -15,6 +15,7 @@ from glider.campaign.checks.servo import (
     WINDOW,
     Elevator,
     LateServo,
+    are_still,
     calc_correlation,
     windows_of,
 )
@@ -41,12 +42,12 @@ def check_travel(campaign: Campaign, elevators: Sequence[Elevator]) -> tuple[str
     Raises:
         InputError: the travel is off by more than the second share of _TRAVEL.
     """
-    if campaign.elevator == "servo" and not campaign.has_moving_elevator:
+    if campaign.elevator == "servo" and are_still(elevators):
         return (
-            "Column 'elevator' does not change in any flight: no effect of the servo "
-            "or the elevator can show, and if it moved, others are named instead. "
-            "Expected its angle; of a tail that does not move, 'elevator: fixed' under "
-            "'vehicle:' in campaign.yaml.",
+            "The logged 'elevator' does not move in any flight, so that no effect of "
+            "the servo or the elevator can show; if it did move, its effect is "
+            "attributed to others. Log its angle, or, of a tail that does not move, "
+            "set 'elevator: fixed' under 'vehicle:' in campaign.yaml.",
         )
     gain, error = _calc_travel(elevators, campaign.limits, campaign.servo.command_std)
     words = (

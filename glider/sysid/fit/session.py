@@ -101,9 +101,9 @@ def change_of(
     t with Bonferroni's correction for all changes; or no permutation of the flights
     gains as much, whatever the distribution of the values. The first test takes the
     coefficient alone, without β, which is common to all flights; it detects a change of
-    a few flights, of which there are few permutations. Either side of a break must then
-    be apart from the other by its own scatter as well: a few flights that a formula
-    explains badly are not.
+    a few flights, of which there are few permutations. By that test either side of a
+    break must also be apart from the other by its own scatter: a few flights that a
+    formula explains badly are not.
 
     Args:
         candidates: the effects about the model, and the records' names.
@@ -173,8 +173,10 @@ def change_of(
     values = delta_error[order, column] / np.maximum(weights, 1e-300)
     chance = _chance_of_slope(values, weights, shares[row]) * gains.size
     is_drift = row == len(breaks)
-    is_apart = is_drift or _are_apart(values, weights, shares[row] > 0.0)
-    if chance > 0.5 * _LEVEL or not is_apart:
+    is_sure = chance <= 0.5 * _LEVEL
+    if is_sure and not is_drift:
+        is_sure = _are_apart(values, weights, shares[row] > 0.0)
+    if not is_sure:
         for _ in range(_PERMUTATIONS):
             others, *_ = changes(rng.permutation(count))
             if others.max() >= gain:
@@ -242,6 +244,8 @@ def _are_apart(values: np.ndarray, weights: np.ndarray, after: np.ndarray) -> bo
         after: (n,) which are after the break.
     """
     sides = [(values[side], weights[side]) for side in (~after, after)]
+    if not all(w.any() for _, w in sides):
+        return False
     jump = np.diff([np.average(own, weights=w) for own, w in sides])[0]
     for own, w in sides:
         error = np.sqrt(np.cov(own, aweights=w, ddof=0) / (len(own) - 1))

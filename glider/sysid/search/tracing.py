@@ -191,9 +191,9 @@ def _names_of(
     A formula has its own. Beside free functions it has none where it brings, with those
     that bend it, less than a share `SLIGHT` of the evidence, as functions leave errors
     of that size; or less than a share `EXPLAINED` of what one that bends it does. A
-    free function has the name of the
-    formula that explains it best, if one does; or of the formula with a name that it
-    bends. Else it is unexplained. Beside a larger one it has no name below twice
+    free function has the name of the formula that explains it best, if one does; or of
+    the formula with a name that it bends. Else it is unexplained. Beside a larger one
+    it has no name below twice
     `RESOLVED`: functions leave errors of that size, too.
     """
     if not model.free_kinds:

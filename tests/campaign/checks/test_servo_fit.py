@@ -237,8 +237,10 @@ def test_a_servo_that_changes_is_dated(campaign, since, name, old, new):
     assert later == pytest.approx(new, rel=0.03, abs=0.002)
     assert change.sentence == (
         f"At flight_11.csv the servo changes: its {name} is {later:.3f} {change.unit}, "
-        f"before {change.before:z.3f}."
+        f"before {change.before:z.3f} {change.unit}."
     )
+    unlimited = dataclasses.replace(change, before=np.inf)
+    assert unlimited.sentence.endswith("before not reached.")
     # Where either side has too few flights, all are replayed as they were measured.
     assert any(flight.departure is not None for flight in found.flights)
 
@@ -423,7 +425,8 @@ def test_errors_by_commands_are_told_where_elevators_do_not_follow_them(campaign
     assert result.by_commands_m.keys() == {"nominal", "corrected"}
     along = result.errors["corrected"].position_rms_m
     assert result.by_commands_m["corrected"] < 0.5 * along
-    assert "along the measured elevator; by the commands alone" in headline(result)
+    assert "(RMS) along the measured elevator, from " in headline(result)
+    assert headline(result).endswith("mm by the commands alone.")
 
 
 def test_of_angles_without_noise_few_steps_of_rounding_are_tried():
