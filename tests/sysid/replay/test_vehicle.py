@@ -71,7 +71,7 @@ def test_an_elevator_that_never_moves_shows_no_effect_of_it_and_is_warned_of(cam
     )
     found = inspect(dataclasses.replace(campaign, flights=still))
     [warning] = found.warnings
-    assert warning.startswith("Column 'elevator' does not change in any flight: ")
+    assert warning.startswith("The logged 'elevator' does not move in any flight")
     vehicle = make_vehicle(found.campaign)
     assert not {"servo_lag", "elevator_scale", "elevator_trim"} & set(vehicle.kinds)
     assert not vehicle.of_log
