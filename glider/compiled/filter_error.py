@@ -353,7 +353,7 @@ def no_flight() -> FilterArrays:
         outputs=c,
         seen=np.zeros((0, 0), dtype=bool),
         variance=a,
-        start=a,
+        start=np.zeros(OWN_STATES),  # It has no other states.
         mean=b,
         rates=a,
         powers=a,

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 
-from glider.compiled.filter_error import no_flight
+from glider.compiled.filter_error import _filter_columns, no_flight
 from glider.physics.effects import NO_GAUSSIANS
 from glider.sysid.likelihood import filtering
 from glider.sysid.likelihood.directions import slopes
@@ -257,3 +257,8 @@ def test_one_column_alone_is_filtered_as_among_others():
         alone.innovations[..., 0], expected.innovations[..., -1], rtol=1e-10
     )
     np.testing.assert_allclose(alone.log_variances, expected.log_variances, rtol=1e-12)
+
+
+def test_a_flight_without_rows_is_read_within_its_arrays():
+    """Compiled code does not check; it is compiled with such a flight."""
+    _filter_columns.py_func(0, 0, *no_flight())
