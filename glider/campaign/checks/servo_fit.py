@@ -13,9 +13,9 @@ The form that makes the angles most likely is named, if it leaves less than half
 the plain servo does. If none explains all flights, but one plain servo those up to some
 flight and another the rest, the servo changed there.
 
-What elevators do beside a servo of a delay, a lag and limits,
-named or not, is their `Departure`: flights are replayed with it, so that the
-aerodynamics are traced along the measured elevator.
+What elevators do beside a servo of a delay, a lag and limits, named or not, is their
+`Departure`: flights are replayed with it, so that the aerodynamics are traced along the
+measured elevator.
 """
 
 import bisect

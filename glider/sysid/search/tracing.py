@@ -193,8 +193,7 @@ def _names_of(
     of that size; or less than a share `EXPLAINED` of what one that bends it does. A
     free function has the name of the formula that explains it best, if one does; or of
     the formula with a name that it bends. Else it is unexplained. Beside a larger one
-    it has no name below twice
-    `RESOLVED`: functions leave errors of that size, too.
+    it has no name below twice `RESOLVED`: functions leave errors of that size, too.
     """
     if not model.free_kinds:
         return {kind: kind for kind in model.kinds}
